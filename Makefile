@@ -19,30 +19,39 @@ DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-r
 	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib)
 MODULES := page/node_modules/.package-lock.json
 
+# Python keeps what it compiled, whatever the environment says: tests start hundreds of processes.
+export PYTHONDONTWRITEBYTECODE :=
+
 LOWEST := .venv-lowest
+# The files of tests by their names, behind whichever door they are.
+FILES = $(foreach name,$(1),$(or $(wildcard tests/*/test_$(name).py),$(error no test_$(name).py)))
 COUNT ?= 300
 GROUPS ?= 0
 ONLY ?=
 
-.PHONY: help demo quick test lint types layers generated pytest levels docs fuzz sanitize mutants lowest benchmark export
-.PHONY: pictures clean page page-check durations
+.PHONY: help demo quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
+.PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
 	$(BIN)/p3dof show --out $(OUT)/machine.html
 
 help: ## say what there is
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 19
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 	@echo "Settings: PYTHON=python3.x  EXTRAS=all (every tool that reads the exports)  OUT=folder  SEED=number"
 
 quick: $(DEV) lint types layers ## lint, types, layers and the fast tests: about a minute
-	$(BIN)/pytest -n auto --quick --ignore tests/interop tests
+	$(BIN)/pytest -n auto --quick
 
-test: lint types layers generated page-check pytest ## run every check
+# What takes a process for itself beside each other, then what takes all of them.
+test: $(DEV) ## run every check
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint layers types generated page-check
+	@$(MAKE) --no-print-directory pytest
 
-lint: $(DEV) ## ruff: style and form
+lint: $(DEV) ## ruff: style and form; codespell: British spelling
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python tests/spelling.py
 
 types: $(DEV) ## mypy
 	$(BIN)/mypy
@@ -65,10 +74,14 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 	else echo "page-check: SKIPPED, node or npm is not installed"; test "$(P3DOF_REQUIRE)" != all; fi
 
 pytest: $(DEV) ## all tests
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist worksteal
+
+# Of tests over about four seconds, the cases whose fact a quicker one also holds.
+slow: $(DEV) ## the tests that `make test` leaves out, for they take long
+	$(BIN)/pytest -n auto --dist worksteal -m slow tests
 
 durations: $(DEV) ## all tests, and measure anew which ones are quick
-	$(BIN)/pytest -n auto --measure
+	$(BIN)/pytest -n auto --dist worksteal --measure
 
 # What takes the level of the processor and is quick, at each lower level: `make test` has the best one. BLAS is then that
 # of processors which end there. Tests with the level as a parameter have them all already.
@@ -78,8 +91,8 @@ levels: $(DEV) ## compiled kernels as on processors without AVX-512, and without
 	@for level in $$($(BIN)/python -c "from p3dof.closed_form.compiled import levels; print(*levels()[1:-1])"); do \
 		case $$level in baseline) core=Prescott;; *) core=Haswell;; esac; \
 		echo "P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core"; \
-		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick \
-			$(addprefix tests/test_,$(addsuffix .py,$(LEVELLED))) || exit 1; done
+		P3DOF_LEVEL=$$level OPENBLAS_CORETYPE=$$core $(BIN)/pytest -q -n auto --quick --budget 800 \
+			$(call FILES,$(LEVELLED)) || exit 1; done
 
 docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its links
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d $(OUT)/doctrees docs $(OUT)/docs
@@ -99,22 +112,32 @@ mutants: $(DEV) ## break the sources in COUNT places, and list what no test noti
 # A quick part of the tests with the lowest versions that pyproject.toml declares. Their own deprecated calls of
 # newer libraries beneath them are none of ours.
 lowest: $(LOWEST)/.ready ## a quick part of the tests with the lowest versions declared
-	$(LOWEST)/bin/pytest -n auto -m "not fuzz" -W ignore::DeprecationWarning \
-		$(addprefix tests/test_,$(addsuffix .py,checks parameters files motion kinematics manipulator closed_loop \
+	$(LOWEST)/bin/pytest -n auto -m "not fuzz and not slow" -W ignore::DeprecationWarning \
+		$(call FILES,checks parameters files motion kinematics manipulator closed_loop \
 		description tracing plots cli cli_machine viewer_scene blocks blocks_cluster reductions \
-		sampling_of_blocks))
+		sampling_of_blocks)
 
-benchmark: $(DEV) ## time a sample, of all contenders
+# Whole calls as users make them, in calls of bare pin.rnea, beside the last release's: tests/benchmarks/table.json.
+TABLE := OPENBLAS_NUM_THREADS=1 P3DOF_THREADS=1 $(BIN)/python tests/benchmarks/table.py
+benchmark: $(DEV) ## one table of whole calls, beside that of the last release
+	$(TABLE)
+
+ratios: $(DEV) ## fail when a ratio of the table is 1.5 times that of the last release
+	$(TABLE) --judge
+
+benchmark-table: $(DEV) ## measure the table, and make it what others are compared with
+	$(TABLE) --write
+
+benchmarks: $(DEV) ## time all contenders, subject by subject, which takes long
 	$(BIN)/python tests/benchmarks/kernels.py --out $(OUT)/benchmark
 	$(BIN)/python tests/benchmarks/simulation.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/runs.py
-	$(BIN)/python tests/benchmarks/many.py
-	$(BIN)/python tests/benchmarks/paths.py
 	$(BIN)/python tests/benchmarks/sweeps.py
 	$(BIN)/python tests/benchmarks/optimisation.py
 	$(BIN)/python tests/benchmarks/page.py
 	$(BIN)/python tests/benchmarks/live_page.py
 	$(BIN)/python tests/benchmarks/designs.py
+	$(BIN)/python tests/benchmarks/report.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/fastest.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/workspace.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/loops.py
@@ -130,7 +153,7 @@ pictures: $(DEV) ## draw the pictures of the README anew
 	$(BIN)/p3dof forces --figure pictures/forces.png
 
 clean: ## remove what was installed, built and computed
-	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/_native/_compiled*.so
+	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/_native/_compiled*.so p3dof/_base/files/_numbers*.so
 	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
 	rm -rf docs/_static/tutorial
 	rm -f docs/tutorials/*.ipynb
@@ -148,7 +171,7 @@ $(VENV)/pyvenv.cfg:
 $(LOWEST)/.ready: $(DEV) tests/lowest.py
 	@rm -rf $(LOWEST) && $(PYTHON) -m venv $(LOWEST)
 	$(BIN)/python tests/lowest.py cluster plot report viz test > $(LOWEST)/lowest.txt
-	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
+	P3DOF_BUILD_LEVELS=all $(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
 	@touch $@
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
@@ -156,18 +179,19 @@ $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@ $(VENV)/.demo
 
 $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
 		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[cluster,dev,interop]'
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+		-e '.[cluster,dev,interop]'
 	@touch $@ $(VENV)/.dev $(VENV)/.demo
 
 $(VENV)/.docs: $(DEV)
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "the documentation needs Python 3.11 or newer; make clean, then: make docs PYTHON=python3.x"; exit 1; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	@touch $@

@@ -44,6 +44,29 @@ python_display_short_literal_types = True
 maximum_signature_line_length = 88
 toc_object_entries_show_parents = "hide"
 
+# What readers search for that is no title: the page, and perhaps its section, that comes first.
+searched = {
+    "how-to/urdf-meshcat-forces": {"": "URDF; MeshCat; yourdfpy; example-robot-data; forces"},
+    "how-to/your-own-machine": {"": "payload; own machine; dimensions; mass; inertia; CAD"},
+    "how-to/motion-files": {"": "degrees; millimetres; units; CSV; own motion; trajectory"},
+    "how-to/another-closed-loop-robot": {"": "own robot; closed loop; MJCF; loop closure; MuJoCo model"},
+    "how-to/gallery": {
+        "stewart-platform": "Stewart; Gough; hexapod; 6-UPS",
+        "delta-robot": "Delta",
+        "five-bar-linkage": "five-bar",
+        "four-bar-linkage": "four-bar",
+        "robot-on-two-feet": "biped; humanoid",
+    },
+    "how-to/choose-drives": {"": "motor; screw; gear; belt; torque; drives"},
+    "how-to/drives-and-bearings": {"": "bearing; joint reactions; guide; L10; load-dependent friction"},
+    "how-to/balance-the-sliders": {"": "counterbalance; gas spring; counterweight; balance"},
+    "how-to/better-machines": {"": "optimisation; Pareto front"},
+    "how-to/simulation-and-control": {"": "simulation; controller; PD; computed torque"},
+    "how-to/workspace-and-indices": {"": "workspace; dexterity; transmission index; stiffness"},
+    "how-to/uncertain-machines": {"": "tolerance; sensitivity; Sobol' indices; Monte Carlo; calibration"},
+    "explanation/singularities": {"": "singularity; singular configuration; assembly mode"},
+}
+
 # Pages in Markdown; notebooks run in the build, and the build fails with them.
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
@@ -66,6 +89,8 @@ html_theme = "pydata_sphinx_theme"
 html_title = "p3dof"
 html_static_path = ["_static"]
 html_css_files = ["p3dof.css"]
+html_js_files = [("quiet.js", {"priority": 100})]
+html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
@@ -82,5 +107,6 @@ html_theme_options = {
     "pygments_dark_style": "a11y-dark",
 }
 html_sidebars = {"index": [], "contributing": [], "tests": [], "changelog": []}
-copybutton_prompt_text = "$ "
+copybutton_prompt_text = r"\$ |>>> |\.\.\. "
+copybutton_prompt_is_regexp = True
 copybutton_only_copy_prompt_lines = True

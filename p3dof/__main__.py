@@ -16,12 +16,6 @@ from typing import Any, NoReturn
 INTERRUPTED, TERMINATED = 130, 143
 """Exit codes after Ctrl-C and after SIGTERM, as of a shell: 128 and the number of the signal."""
 
-UNUSED = ("trimesh", "viser")
-"""What Pinocchio imports, where it is there, for a visualizer that no command uses: it takes .4 s."""
-
-DRAWS_MESHES = ["loop", "show"]
-"""The command that uses trimesh itself."""
-
 GARBAGE = 400_000
 """New objects after which Python looks for garbage; 700 by its own choice, a tenth of a short run's time."""
 
@@ -29,12 +23,9 @@ GARBAGE = 400_000
 def main() -> int:
     """Load the commands, and run the one that was asked for; Ctrl-C and SIGTERM are one line at any time.
 
-    Returns
-    -------
-    int
-        The exit code.
+    The exit code.
     """
-    _hurry()
+    gc.set_threshold(GARBAGE, 20, 20)
     watched = {  # else somebody else's, or nohup
         number: handler
         for number, handler, usual in (
@@ -96,14 +87,6 @@ def _unraisable(lost: Any) -> None:
 
     signal.signal(signal.SIGALRM, again)
     signal.setitimer(signal.ITIMER_REAL, 1e-3)
-
-
-def _hurry() -> None:
-    """Leave out of this process what only costs time."""
-    gc.set_threshold(GARBAGE, 20, 20)
-    modules: dict[str, Any] = sys.modules
-    for name in UNUSED if sys.argv[1:3] != DRAWS_MESHES else UNUSED[1:]:
-        modules.setdefault(name, None)  # its import fails
 
 
 def _leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:

@@ -6,56 +6,37 @@ import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from functools import partial
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof import runs
-from p3dof._base.checks import FloatArray, Progress, batch_of
+from p3dof._base.checks import FloatArray, Progress, batch_of, warn_caller
 from p3dof._base.outputs import result_in
-from p3dof._base.samples import OnInvalid
-from p3dof.analysis.energy import Energy, energy_of
-from p3dof.analysis.indices import Indices
-from p3dof.analysis.load_friction import LoadFriction, LoadFrictionEffect
-from p3dof.analysis.load_friction import over_motion as friction_over_motion
-from p3dof.analysis.reactions import (
-    ALL,
-    AnyReactions,
-    Choice,
-    Reactions,
-    ReactionsComparison,
-    Stiffness,
-    Way,
-    of_result,
-    over_motion,
-    ways_of,
-)
-from p3dof.analysis.sampling import refined, remarks_on, warnings_about
-from p3dof.analysis.workspace import Workspace, WorkspaceMargins
+from p3dof._base.samples import OnInvalid, unit_hint
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import InverseKinematics, MechanismMotion, Singularity
-from p3dof.loops import ClosedLoopModel
-from p3dof.machine import description
-from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, states_of, states_over
+from p3dof.machine.motion import Motion, States, WrenchHistory, WrenchOverTime, states_of, states_over
 from p3dof.machine.parameters import PAPER, Limits, Parameters, machine_html, read_parameters
-from p3dof.methods import (
-    DEFAULT_METHOD,
-    InverseDynamics,
-    Method,
-    assembly,
-    compiled,
-    regressor,
-    with_evidence,
-    without_crossings,
-)
-from p3dof.methods.comparison import TOLERANCE, Comparison, compare
+from p3dof.methods import DEFAULT_METHOD, InverseDynamics, Method, compiled, with_evidence, without_crossings
 from p3dof.methods.compiled import ForceDerivatives
 from p3dof.methods.model import ManipulatorModel
-from p3dof.methods.registry import equation_terms
-from p3dof.methods.regressor import ForceRegressor
-from p3dof.runs import ControllerLike, ControlLoop, InitialState, Integration, Simulation, many
-from p3dof.runs.many import ManyRuns
+from p3dof.methods.registry import TOLERANCE, equation_terms
+from p3dof.runs.settings import AT_HOME, CONTINUOUS, KINDS, PRECISE, ControlLoop, InitialState, Integration
+
+if TYPE_CHECKING:  # what is imported when it is asked for
+    from p3dof.analysis.energy import Energy
+    from p3dof.analysis.indices import Indices
+    from p3dof.analysis.load_friction import LoadFriction, LoadFrictionEffect
+    from p3dof.analysis.reactions import AnyReactions, Choice, Reactions, ReactionsComparison, Stiffness, Way
+    from p3dof.analysis.workspace import Workspace, WorkspaceMargins
+    from p3dof.loops import ClosedLoopModel
+    from p3dof.machine import description
+    from p3dof.methods.comparison import Comparison
+    from p3dof.methods.regressor import ForceRegressor
+    from p3dof.runs import ControllerLike, Event, PreparedRun, Simulation
+    from p3dof.runs.many import ManyRuns
 
 
 def load(
@@ -71,10 +52,6 @@ def load(
         Take a file whose machine is larger than 20 m or smaller than 1 mm too. Lengths are in metres, and
         such a file is usually one in millimetres. `Parameters` that are given may have any size.
 
-    Returns
-    -------
-    Manipulator
-
     Raises
     ------
     ParameterError, FileError
@@ -85,6 +62,12 @@ def load(
     if not isinstance(parameters, str | os.PathLike):
         return Manipulator(parameters)
     return Manipulator(read_parameters(parameters, any_size))
+
+
+_WATCHED, _ROWS = 1000, 64
+"""In how many calls the units of poses and loads are watched, and of how many rows of each."""
+_MUCH = 10
+"""How many times what the machine reaches, or its actuators bear, is taken for another unit."""
 
 
 class Manipulator:
@@ -131,6 +114,33 @@ class Manipulator:
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         self._model = ManipulatorModel(PAPER if parameters is None else parameters)
+        self._watched = _WATCHED
+
+    def _watch(self, pose: Any, *, wrench: Any = None) -> None:
+        """Warn once of poses and loads that seem to be in other units; only at the first calls."""
+        if not self._watched:
+            return
+        self._watched -= 1
+        g, limits = self._model.parameters.geometry, self._model.parameters.limits
+        rows: FloatArray = np.asarray(pose).reshape(-1, 3)
+        rows = rows[:: -(len(rows) // _ROWS + 1)]  # the last one, too
+        travel, tilt = max(map(abs, limits.travel)), max(np.pi, *map(abs, limits.tilt))
+        reach = _MUCH * (travel + g.L + g.r)
+        told = "" if (np.abs(rows) <= (reach, reach, tilt)).all() else unit_hint(rows, reach, tilt)
+        if wrench is not None and not told:
+            force, moment = np.abs(np.asarray(wrench)).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
+            told += f" ({moment:g} N m: N mm?)" if moment > _MUCH * limits.force * (g.R + g.L) else ""
+            told += f" ({force:g} N: mN?)" if force > _MUCH * 3 * limits.force else ""
+        if told:
+            self._watched = 0
+            warn_caller(f"beyond what the machine can do{told}: units are m, rad, N and N m")
+
+    def _states(self, pose: ArrayLike, *motion: ArrayLike, **others: Any) -> States:
+        states = states_of(pose, *motion, **others)
+        self._watch(states.pose, wrench=states.wrench)
+        return states
+
+    # No `__getattr__` that suggests names, as of results: all attributes would be slower, and Python does so.
 
     def __repr__(self) -> str:
         g, mass = self.parameters.geometry, self.parameters.bodies.mass
@@ -234,7 +244,7 @@ class Manipulator:
         def modes(_: FloatArray | None) -> FloatArray:
             return kinematics.forward_kinematics(geometry, positions, all_modes, on_invalid)
 
-        poses = partial(assembly.poses, self.kernels, positions, on_invalid)
+        poses = partial(compiled.poses, self.kernels, positions, on_invalid)
         return result_in(out, shape, [positions], modes if all_modes else poses)
 
     def sliders(
@@ -243,8 +253,9 @@ class Manipulator:
         """Return the slider positions (..., 3) [m] at poses by the kernels: for many calls or samples."""
         one = self._model.methods["compiled"].one
         if one is not None and (found := one.sliders(out, pose, on_invalid)) is not None:
+            self._watch(pose)
             return found
-        states = states_of(pose, on_invalid=on_invalid)
+        states = self._states(pose, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(compiled.sliders, self.kernels, states))
 
     def jacobian(
@@ -259,8 +270,9 @@ class Manipulator:
         dynamics = self._model.methods[method]
         one = dynamics.one
         if one is not None and (found := one.jacobian(out, pose, on_invalid)) is not None:
+            self._watch(pose)
             return found
-        states = states_of(pose, on_invalid=on_invalid)
+        states = self._states(pose, on_invalid=on_invalid)
         return result_in(out, (*states.shape, 3, 3), states, partial(dynamics.jacobian, states), row=2)
 
     def singularity(self, pose: ArrayLike) -> Singularity:
@@ -272,10 +284,14 @@ class Manipulator:
 
         `length` is the characteristic length of those that need one [m]; r without it.
         """
+        from p3dof.analysis.indices import Indices
+
         return Indices(self, pose, length, **options)
 
     def workspace(self, limits: Limits | None = None, margins: WorkspaceMargins | None = None) -> Workspace:
         """Return where the machine can work, within `limits` (its own without it) and `margins`."""
+        from p3dof.analysis.workspace import Workspace
+
         return Workspace(self, limits, margins)
 
     def mechanism_motion(
@@ -308,8 +324,10 @@ class Manipulator:
         if one is not None:
             found = one.forces(out, pose, velocity, acceleration, wrench, on_invalid)
             if found is not None:
+                if self._watched:
+                    self._watch(pose, wrench=wrench)
                 return found
-        states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
+        states = self._states(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(dynamics.forces, states))
 
     def forward_dynamics(
@@ -329,8 +347,10 @@ class Manipulator:
         if one is not None:
             found = one.accelerate(out, pose, velocity, forces, wrench, on_invalid)
             if found is not None:
+                if self._watched:
+                    self._watch(pose, wrench=wrench)
                 return found
-        states = states_of(pose, velocity, forces=forces, wrench=wrench, on_invalid=on_invalid)
+        states = self._states(pose, velocity, forces=forces, wrench=wrench, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(dynamics.accelerate, states))
 
     def mass_matrix(
@@ -345,8 +365,9 @@ class Manipulator:
         dynamics = self._model.methods[method]
         one = dynamics.one
         if one is not None and (found := one.mass_matrix(out, pose, on_invalid)) is not None:
+            self._watch(pose)
             return found
-        states = states_of(pose, on_invalid=on_invalid)
+        states = self._states(pose, on_invalid=on_invalid)
         return result_in(out, (*states.shape, 3, 3), states, partial(dynamics.mass_matrix, states), row=2)
 
     def coriolis_matrix(
@@ -364,7 +385,7 @@ class Manipulator:
         ``"compiled"``.
         """
         term = equation_terms(method).coriolis_matrix
-        states = states_of(pose, velocity, on_invalid=on_invalid)
+        states = self._states(pose, velocity, on_invalid=on_invalid)
         return result_in(out, (*states.shape, 3, 3), states, partial(term, self, states), row=2)
 
     def gravity_forces(
@@ -377,7 +398,7 @@ class Manipulator:
     ) -> FloatArray:
         """Return the gradient of the potential energy by y, z, θ, (..., 3) [N, N, N m]; not by Pinocchio."""
         term = equation_terms(method).gravity_forces
-        states = states_of(pose, on_invalid=on_invalid)
+        states = self._states(pose, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(term, self, states))
 
     def force_derivatives(
@@ -398,8 +419,8 @@ class Manipulator:
         if out is None and one is not None:
             found = one.derivatives(pose, velocity, acceleration, wrench, on_invalid)
             if found is not None:
-                return ForceDerivatives(found[:, 0], found[:, 1:4], found[:, 4:7], found[:, 7:])
-        states = states_of(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
+                return ForceDerivatives(found[..., 0], found[..., 1:4], found[..., 4:7], found[..., 7:])
+        states = self._states(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
         return compiled.inverse_dynamics_derivatives(self.kernels, states, out)
 
     def force_regressor(
@@ -415,7 +436,9 @@ class Manipulator:
         By the 21 base inertial parameters, the 100 of the bodies, the lengths and gravity, with friction and
         without external loads.
         """
-        states = states_of(pose, velocity, acceleration, on_invalid=on_invalid)
+        from p3dof.methods import regressor
+
+        states = self._states(pose, velocity, acceleration, on_invalid=on_invalid)
         return regressor.force_regressor(self.parameters, states)
 
     # Over a motion
@@ -446,12 +469,15 @@ class Manipulator:
                 progress=progress,
                 stiffness=stiffness,
             ).result
+        from p3dof.analysis.sampling import warnings_about
+
         dynamics, states = self._model.methods[method], states_over(motion, wrench, on_invalid)
-        solution, crossings = without_crossings(motion.time, dynamics.solve(states, progress), on_invalid)
+        self._watch(motion.pose, wrench=states.wrench)
+        solution, crossings = without_crossings(motion, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
-        examine = partial(warnings_about, self.parameters, wrench=history)
-        rotors = self.parameters.actuators.rotors
-        return with_evidence(method, motion, solution, states.wrench, crossings, examine, armature=rotors)
+        examine = partial(warnings_about, self._model.parameters, wrench=history)
+        actuators = self._model.parameters.actuators
+        return with_evidence(method, motion, solution, states.wrench, crossings, examine, actuators=actuators)
 
     def load_friction(
         self,
@@ -469,8 +495,11 @@ class Manipulator:
         The loads are those of elastic joints with a `stiffness`: `p3dof.analysis.load_friction`. Not
         ``"compiled"``. `DynamicsError` if friction and loads do not settle: the machine would jam.
         """
+        from p3dof.analysis.load_friction import over_motion
+        from p3dof.analysis.sampling import warnings_about
+
         history = wrench if isinstance(wrench, WrenchHistory) else None
-        return friction_over_motion(
+        return over_motion(
             self.loop,
             self.parameters,
             self._model.methods[method],
@@ -512,6 +541,8 @@ class Manipulator:
         not installed. `tolerance` is the largest difference that passes, as a share of the largest force; at
         least 1e-9 for all but the first two. Only samples that both methods refuse raise.
         """
+        from p3dof.methods.comparison import compare
+
         return compare(self, motion, wrench, on_invalid, others, tolerance, lambda *_: nullcontext(progress))
 
     def refined(self, motion: Motion, *, wrench: WrenchOverTime = None) -> Motion:
@@ -521,10 +552,14 @@ class Manipulator:
         many would change no peak, RMS or work by more than .03 %. At most 4,001 samples, or four times those
         that there are: where that does not suffice, `InverseDynamics.warnings` says so.
         """
+        from p3dof.analysis.sampling import refined
+
         return refined(self.parameters, motion, wrench)
 
     def remarks(self, motion: Motion, *, wrench: WrenchOverTime = None) -> tuple[str, ...]:
         """Return what there is to know about the samples of a motion: a part of its warnings."""
+        from p3dof.analysis.sampling import remarks_on
+
         result = self.inverse_dynamics(motion, wrench=wrench, on_invalid="nan", method="compiled")
         return remarks_on(self.parameters, result, wrench)
 
@@ -567,7 +602,7 @@ class Manipulator:
     def reactions(
         self,
         motion: Motion,
-        joints: Choice = ALL,
+        joints: Choice = "all",
         *,
         wrench: WrenchOverTime = None,
         on_invalid: OnInvalid = "raise",
@@ -581,6 +616,8 @@ class Manipulator:
         of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``. They
         have `load_friction` too, where it is given.
         """
+        from p3dof.analysis.reactions import of_result, over_motion, ways_of
+
         if load_friction is not None:
             ways_of(joints)
             found = self.load_friction(
@@ -600,6 +637,8 @@ class Manipulator:
 
         Of a run in time, ``robot.inverse_dynamics(run.motion, wrench=run.wrench)`` is such a result.
         """
+        from p3dof.analysis.energy import energy_of
+
         return energy_of(self.parameters, result)
 
     # In time, and to look at
@@ -629,7 +668,9 @@ class Manipulator:
     def viewer(self, port: int | None = None) -> Any:
         """Return a `pinocchio.visualize.MeshcatVisualizer` of the machine; needs the extra ``viz``.
 
-        Its page is served at a `port`, a free one by default. `MissingExtraError` without meshcat.
+        ``robot.viewer().play(motion)`` plays a motion, a result or a simulation in the browser, in real time;
+        ``robot.viewer().record(motion).save("motion.html")`` writes a page that plays it. The live page is
+        served at a `port`, a free one by default. `MissingExtraError` without meshcat.
         """
         from p3dof import viewer
 
@@ -639,15 +680,15 @@ class Manipulator:
         self,
         duration: float,
         *,
-        start: ArrayLike | InitialState = runs.AT_HOME,
+        start: ArrayLike | InitialState = AT_HOME,
         controller: ControllerLike = None,
-        control: ControlLoop = runs.CONTINUOUS,
+        control: ControlLoop = CONTINUOUS,
         reference: Motion | None = None,
         wrench: WrenchOverTime = None,
-        method: Method = DEFAULT_METHOD,
+        method: Method | None = None,
         samples: int | ArrayLike = 1001,
-        stop_at: Sequence[str] = runs.KINDS,
-        integration: Integration = runs.PRECISE,
+        stop_at: Sequence[str | Event] = KINDS,
+        integration: Integration = PRECISE,
         progress: Progress | None = None,
     ) -> Simulation:
         """Move the machine for a `duration` [s] under a controller, constant forces, or none.
@@ -656,15 +697,18 @@ class Manipulator:
         `Measurement` and returns the forces of A, B, C [N], or is forces that stay; `control` (`ControlLoop`)
         says how often and how strongly it acts, with which noise. `reference` is what to follow, for
         `Simulation.error`. `wrench` acts on the platform at P [N, N m], constant or a function of the time.
-        `samples` is how many to keep, or when [s]; `stop_at`, which limits end the run; `integration`
-        (`Integration`), how exact it is and how long it may take.
+        `samples` is how many to keep, or when [s]; `stop_at`, which limits and events (`Event`) end the run;
+        `integration` (`Integration`), how exact it is and how long it may take. By default the `method` is
+        ``"compiled"``: in C, unless `Simulation.note` says what kept it from that.
 
         Raises
         ------
         ReachError, ControllerError, InputError
             If it starts out of reach, its controller fails (with the run so far), or an argument is wrong.
         """
-        return runs.simulate(
+        from p3dof.runs import simulate
+
+        return simulate(
             self,
             duration,
             start=start,
@@ -679,11 +723,25 @@ class Manipulator:
             progress=progress,
         )
 
+    def prepare_run(self, duration: float, **options: Any) -> PreparedRun:
+        """Make what runs for a `duration` [s] have in common once: `p3dof.runs.prepare_run`.
+
+        `options` are those of `simulate`, but for `start` and `progress`; call the result with a start.
+
+        Raises
+        ------
+        InputError
+            If an argument does not fit, or a run would take too long.
+        """
+        from p3dof.runs import prepare_run
+
+        return prepare_run(self, duration, **options)
+
     def simulate_many(self, duration: float, runs: Any, **options: Any) -> ManyRuns:
-        """Run this machine, or many like it, many times for a `duration` [s]: `p3dof.simulate_many`.
+        """Run this machine, or many like it, many times for a `duration` [s]: `p3dof.runs.simulate_many`.
 
         `runs` is how many, or columns of what differs: starts, gains, seeds, payloads, any number of the
-        machine; or a `Parameters` for each run. `options` are those of `p3dof.simulate_many`: `start`,
+        machine; or a `Parameters` for each run. `options` are those of `p3dof.runs.simulate_many`: `start`,
         `controller`, `control`, `reference`, `wrench`, `stop_at`, `integration`, `histories`, `every`,
         `threads`, `lanes`, `client`, `progress`.
 
@@ -692,6 +750,8 @@ class Manipulator:
         InputError
             If an argument or a column does not fit; a run that cannot be has a reason instead.
         """
+        from p3dof.runs import many
+
         options.setdefault("level", self.kernels.level)
         options.setdefault("threads", self.kernels.threads)
         return many.simulate_many(self.parameters, duration, runs, **options)

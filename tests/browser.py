@@ -135,10 +135,7 @@ def opened(
         page = context.new_page()
         watched = Watched(page)
         page.on("pageerror", lambda error: watched.errors.append(str(error)))
-        page.on(
-            "console",
-            lambda line: watched.errors.append(line.text) if line.type == "error" else None,
-        )
+        page.on("console", lambda line: watched.errors.append(line.text) if line.type == "error" else None)
         page.on("request", lambda request: watched.requests.append(request.url))
         page.on("websocket", lambda socket: watched.requests.append(socket.url))
         page.add_init_script(WALK)

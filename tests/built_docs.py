@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from functools import cache
+import threading
+from functools import cache, partial
+from html import unescape
 from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote_plus, unquote, urlsplit
 
+import api_examples
 import click
 import pytest
+from browser import chromium
 from documents import ROOT
 from sphinx.util.inventory import InventoryFile
 
@@ -20,6 +26,30 @@ LOADED = {("script", "src"), ("img", "src"), ("iframe", "src"), ("link", "href")
 """What a browser fetches by itself."""
 NO_FETCH = {"canonical", "next", "prev", "search", "index", "author"}
 """Links of a page's head that are not fetched."""
+
+FIRST = {
+    "own robot": "how-to/another-closed-loop-robot.html",
+    "degrees": "how-to/motion-files.html",
+    "payload": "how-to/your-own-machine.html",
+    "Stewart": "how-to/gallery.html#stewart-platform",
+    "Delta": "how-to/gallery.html#delta-robot",
+    "URDF": "how-to/urdf-meshcat-forces.html",
+    "MeshCat": "how-to/urdf-meshcat-forces.html",
+    "forces": "how-to/urdf-meshcat-forces.html",
+    "MJCF": "how-to/another-closed-loop-robot.html",
+    "counterbalance": "how-to/balance-the-sliders.html",
+    "gas spring": "how-to/balance-the-sliders.html",
+    "Pareto front": "how-to/better-machines.html",
+    "motor": "how-to/choose-drives.html",
+    "bearing": "how-to/drives-and-bearings.html",
+    "singular configuration": "explanation/singularities.html",
+    "tolerance": "how-to/uncertain-machines.html",
+}
+"""What readers search for, and the page that they are to find first."""
+NAMED = re.compile(r'<dt class="sig sig-object py" id="([^"]+)">')
+"""Where the description of a name begins."""
+WIDE = """() => [...document.querySelectorAll("pre")].filter(box => box.scrollWidth > box.clientWidth)
+    .map(box => box.textContent.slice(0, 80))"""
 
 
 class Page(HTMLParser):
@@ -74,6 +104,26 @@ def test_every_public_name_has_a_page(site, inventory):
     assert "p3dof.Manipulator.mass_matrix" in known  # inherited or not
 
 
+def bare(text):
+    """Characters that are seen of HTML, without spaces."""
+    return "".join(unescape(re.sub(r"<[^>]*>", "", text)).split())
+
+
+def test_every_function_and_class_shows_its_example(site):
+    """In its own description: before those of a class's methods, and before the next name's."""
+    examples = {name: example.text for example in api_examples.examples() for name in example.names}
+    without = []
+    for page, listed in api_examples.members().items():
+        for name, _ in listed:
+            full = f"{page}.{name}" if page else name
+            path = site / f"reference/api/p3dof.{page or name}.html"
+            _, *found = NAMED.split(path.read_text(encoding="utf-8"))
+            described = dict(zip(found[::2], found[1::2], strict=True))
+            if "".join(examples[full].split()) not in bare(described.get(f"p3dof.{full}", "")):
+                without.append(full)
+    assert without == []
+
+
 def test_links_lead_somewhere(site, pages):
     broken = []
     for path, page in pages.items():
@@ -117,3 +167,66 @@ def test_formulas_are_drawn(site):
     page = (site / "explanation/reduced-form.html").read_text(encoding="utf-8")
     assert page.count('<svg class="formula"') > 10
     assert "$$" not in page
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves files, and does not say so."""
+
+    def log_message(self, *_):
+        pass
+
+    def handle(self):
+        with contextlib.suppress(ConnectionError):  # of a page that is left before it is whole
+            super().handle()
+
+
+@pytest.fixture(scope="module")
+def address(site):
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=site)) as server:
+        threading.Thread(target=server.serve_forever).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+def test_searches_find_the_right_page_first(browser, address):
+    """By the script and the index of the site itself."""
+    page = browser.new_page()
+    found = {}
+    for words in FIRST:
+        page.goto(f"{address}/search.html?q={quote_plus(words)}")
+        first = page.wait_for_selector("#search-results li a")
+        found[words] = urlsplit(first.get_attribute("href"))._replace(query="").geturl().removeprefix("./")
+    page.close()
+    assert found == FIRST
+
+
+def test_code_fits_its_box_and_the_console_is_silent(browser, address, site, pages):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    said, wide = [], {}
+    page.on("pageerror", lambda error: said.append(str(error)))
+    # What Chromium says of its own graphics driver is none of the page's.
+    page.on("console", lambda line: "GL Driver Message" in line.text or said.append(line.text))
+    for path in pages:
+        page.goto(f"{address}/{path.relative_to(site)}")
+        if boxes := page.evaluate(WIDE):
+            wide[path.name] = boxes
+    page.close()
+    assert wide == {}
+    assert said == []
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_machine_on_the_front_page_is_large(browser, address, width):
+    page = browser.new_page(viewport={"width": width, "height": 844})
+    page.goto(f"{address}/index.html")
+    frame = page.wait_for_selector("iframe.machine").bounding_box()
+    beyond = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    page.close()
+    assert frame["height"] >= 320
+    assert beyond == 0

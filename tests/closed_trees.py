@@ -179,5 +179,5 @@ def drift(loop: ClosedLoopModel, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     J = loop.closure_jacobian(q)
     if not J.size:
         return np.zeros(loop.model.nv)
-    loop._kinematics.move(q, v)
-    return np.linalg.lstsq(J, loop._kinematics.acceleration(), rcond=1e-9)[0]
+    loop._tree.kinematics.move(q, v)
+    return np.linalg.lstsq(J, loop._tree.kinematics.acceleration(), rcond=1e-9)[0]

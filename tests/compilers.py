@@ -27,6 +27,21 @@ COMPILED = pytest.mark.skipif(CC is None, reason="no C compiler here")
 each_c = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP])
 each_cpp = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP.values()])
 
+each_c_and_bake = pytest.mark.parametrize(
+    ("compiler", "bake"),
+    [
+        pytest.param(
+            compiler,
+            bake,
+            id=f"{'baked' if bake else 'run-time'}-{compiler}",
+            marks=[*parameter(compiler).marks, *([pytest.mark.slow] if bake == (compiler == "gcc") else [])],
+        )
+        for compiler in CPP
+        for bake in (False, True)
+    ],
+)
+"""Both compilers and both kinds of code, each of the four in one quick test: the others are slow."""
+
 SMALL = ("-Os", "-Os -m32", "-O1 -g -m32 -fsanitize=address,undefined -fno-sanitize-recover=all")
 """What C for small processors is tried with: few bytes, addresses of 32 bits, and both under sanitizers."""
 

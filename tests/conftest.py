@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import signal
 import sys
 import threading
+from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # one worker for each core: more threads would wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+gc.disable()  # until all tests are collected: nothing that is imported or collected goes before the end
 
 import durations
 import pytest
@@ -48,18 +54,37 @@ def ctrl_c():
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--quick", action="store_true", help="leave out the tests that take long")
-    parser.addoption("--measure", action="store_true", help="write down how long tests take")
+    parser.addoption("--budget", type=float, default=durations.BUDGET, help="of --quick, for all files [s]")
+    parser.addoption("--measure", action="store_true", help="write down how long tests of whole files take")
     parser.addoption("--site", help="folder of the documentation that built_docs.py looks at")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--measure"):
+        if any("::" in name for name in config.args):
+            raise pytest.UsageError("--measure takes whole files: their rows are times of all their tests")
         config.pluginmanager.register(durations.Measuring())
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Do not even import what has no quick test."""
+    path = f"{collection_path.relative_to(config.rootpath).as_posix()}/"
+    return True if config.getoption("--quick") and path.startswith(durations.LONG) else None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    items.sort(key=durations.longest_first())
     if config.getoption("--quick"):
         durations.deselect_slow(config, items)
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, but seldom: each time, all that was imported is looked at.
+
+    `gc.freeze` would hide it from `gc.get_referrers`, by which Hypothesis sees whether generators are kept.
+    """
+    gc.set_threshold(50_000, 20, 50)
+    gc.enable()
 
 
 def _must_run(report: pytest.TestReport | pytest.CollectReport) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof import DesignProblem
+from p3dof.design import DesignProblem
 from p3dof.design.optimisation import Box
 
 VARIABLES = {"r": (0.08, 0.2), "R": (0.15, 0.5), "L": (0.2, 0.8), "rod_radius": (0.003, 0.015)}

@@ -3,9 +3,9 @@
 In a page, a block of the language
 
 * ``python`` is run; all blocks of a page are one session;
-* ``console`` holds commands after ``$``: ``p3dof ...`` is run and must end with exit code 0,
-  ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs engines or a browser that are
-  not there is not run;
+* ``console`` holds commands after ``$``, in several lines where they end in a backslash: ``p3dof ...`` is run
+  and must end with exit code 0, ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs
+  engines or a browser that are not there is not run;
 * ``yaml`` or ``text`` whose first line is a comment with a file name, as ``# machine.yaml``, is written to
   that file; what has none is read only.
 """
@@ -37,7 +37,8 @@ class Block:
 
 
 def blocks(page: Path) -> list[Block]:
-    return [Block(*found) for found in _BLOCK.findall(page.read_text(encoding="utf-8"))]
+    found = _BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [Block(name, text.replace("\\\n", "") if name == "console" else text) for name, text in found]
 
 
 def first_block(page: str, language: str) -> str:

@@ -1,23 +1,29 @@
-"""Which tests are quick: `make quick` leaves out those whose processor time, in the table beside, is long.
+"""Processor time of the tests: `make quick` runs as many of the shortest as its budget allows.
 
-``pytest --measure`` rewrites the table. What is not in it counts as quick: a new test, or one of hardly any
-time.
+``durations.txt`` has a row for each file, with the time of all its tests, and below it the tests that take
+longest. ``pytest --measure`` writes the rows of the files that it runs; `test_house.py` demands that every
+file has one.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 TABLE = Path(__file__).with_name("durations.txt")
-QUICK = 0.3
-"""Most processor time that a quick test may take, over all its parameters [s]."""
+BUDGET = 40.0
+"""Processor time of all quick tests together [s]."""
 KEPT = 0.1
-"""Shorter times are not written down [s]."""
+"""Tests of less have no row of their own [s]."""
+NOTEBOOK = 15.0
+"""What a file without a row takes, about: a notebook [s]."""
+LONG = ("notebooks/", "tests/interop/")
+"""Nothing in these is quick."""
+HEAD = f"# Processor time [s] of files, and of their tests over {KEPT} s; written by pytest --measure."
 
 
 def name_of(nodeid: str) -> str:
@@ -25,23 +31,66 @@ def name_of(nodeid: str) -> str:
     return nodeid.partition("[")[0]
 
 
+def file_of(name: str) -> str:
+    """Return the file of a test."""
+    return name.partition("::")[0]
+
+
 def read() -> dict[str, float]:
-    """Return the processor time of tests by name [s]."""
-    rows = (line.split() for line in TABLE.read_text(encoding="utf-8").splitlines() if line[:1] != "#")
-    return {name: float(seconds) for seconds, name in rows}
+    """Return the processor time of files and of their longer tests, by name [s]."""
+    found, file = {}, ""
+    for line in TABLE.read_text(encoding="utf-8").splitlines():
+        if line[:1] != "#":
+            name, seconds = line.split()
+            file = file if line[:1] == " " else name
+            found[f"{file}::{name}" if line[:1] == " " else file] = float(seconds)
+    return found
+
+
+def write(times: Mapping[str, float]) -> None:
+    """Write the table: files by name, the tests of each from the longest."""
+    lines = [HEAD]
+    for file in sorted(name for name in times if "::" not in name):
+        lines.append(f"{file} {times[file]:.2f}")
+        tests = sorted((-times[name], name) for name in times if name.startswith(f"{file}::"))
+        lines += [f"    {name.partition('::')[2]} {-less:.2f}" for less, name in tests if -less >= KEPT]
+    TABLE.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def longest_first() -> Callable[[pytest.Item], float]:
+    """Return the key that sorts tests by their files: at the end no worker waits for a long one."""
+    times = read()
+    return lambda item: -times.get(file_of(item.nodeid), NOTEBOOK)
+
+
+def slow(times: Mapping[str, float], budget: float) -> set[str]:
+    """Return the tests for which the budget has no room: the longest ones."""
+    times = {name: seconds for name, seconds in times.items() if not name.startswith(LONG)}
+    tests = {name: seconds for name, seconds in times.items() if "::" in name}
+    rest = {name: seconds for name, seconds in times.items() if "::" not in name}
+    for name, seconds in tests.items():
+        rest[file_of(name)] -= seconds  # may end below zero: what tests share counts for each of them
+    left = budget - sum(max(seconds, 0.0) for seconds in rest.values())
+    found = set()
+    for name in sorted(tests, key=lambda name: tests[name]):
+        left -= tests[name]
+        if left < 0:
+            found.add(name)
+    return found
 
 
 class Measuring:
     """Adds up the processor time of every test, and of the processes that it starts.
 
     What a fixture that several tests share takes counts for each of them: without the first, the next one
-    would have to wait for it.
+    would have to wait for it. In a file's time it counts once.
     """
 
     def __init__(self) -> None:
         self.tests: dict[str, float] = {}
         self.fixtures: dict[str, float] = {}
         self.waits: dict[str, float] = {}
+        self.skipped: set[str] = set()
         self._shared = 0.0  # time of shared fixtures within the test that runs
 
     @pytest.hookimpl(wrapper=True)
@@ -63,39 +112,52 @@ class Measuring:
         self.tests[name] = self.tests.get(name, 0.0) + processor_time() - begin - self._shared
         return result
 
+    def pytest_deselected(self, items: list[pytest.Item]) -> None:
+        """Give long random searches no time, and a file of nothing else a row."""
+        for item in items:
+            self.tests.setdefault(name_of(item.nodeid), 0.0)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.skipped:
+            self.skipped.add(name_of(report.nodeid))
+
     def pytest_testnodedown(self, node: Any) -> None:
         """Add what a worker of ``-n`` has measured."""
-        for kept, measured in zip((self.tests, self.waits), node.workeroutput["durations"], strict=True):
+        mine = (self.tests, self.waits, self.fixtures)
+        for kept, measured in zip(mine, node.workeroutput["durations"], strict=True):
             for name, seconds in measured.items():
                 kept[name] = kept.get(name, 0.0) + seconds
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Write the table: the tests that ran, and the times that are known of those in other files."""
+        """Write the table: what ran, and what is known of other files and of tests that were skipped."""
         for item in session.items if hasattr(session, "items") else ():
             if name_of(item.nodeid) in self.tests:
                 self.waits[name_of(item.nodeid)] = self._waits(item)
         if hasattr(session.config, "workeroutput"):
-            session.config.workeroutput["durations"] = (self.tests, self.waits)
+            session.config.workeroutput["durations"] = (self.tests, self.waits, self.fixtures)
             return
-        measured = {name: seconds + self.waits.get(name, 0.0) for name, seconds in self.tests.items()}
-        files = {name.partition("::")[0] for name in measured}
-        others = {name: seconds for name, seconds in read().items() if is_elsewhere(name, files)}
-        rows = sorted((seconds, name) for name, seconds in {**others, **measured}.items() if seconds >= KEPT)
-        lines = [f"{seconds:.1f} {name}" for seconds, name in reversed(rows)]
-        head = f"# Processor time [s] of tests over {KEPT} s; written by pytest --measure."
-        TABLE.write_text("\n".join([head, *lines, ""]), encoding="utf-8")
+        known = read()
+        for name in self.skipped & set(known):
+            self.tests[name] = max(self.tests.get(name, 0.0), known[name])
+        times = {name: seconds for name, seconds in self.tests.items() if name.startswith("tests/")}
+        files = {file_of(name) for name in times}
+        for table in (times, self.fixtures):
+            for name in [name for name in table if file_of(name) in files and "::" in name]:
+                times[file_of(name)] = times.get(file_of(name), 0.0) + table[name]
+        for name in self.waits.keys() & times.keys():
+            times[name] += self.waits[name]
+        others = {
+            name: seconds
+            for name, seconds in known.items()
+            if file_of(name) not in files and (TABLE.parents[1] / file_of(name)).exists()
+        }
+        write({**others, **times})
 
     def _waits(self, item: pytest.Item) -> float:
         """Return the time of the shared fixtures that a test uses."""
         names = getattr(item, "fixturenames", ())
         own = (key for key in self.fixtures if item.nodeid.startswith(key.rpartition("::")[0]))
         return sum(self.fixtures[key] for key in own if key.rpartition("::")[2] in names)
-
-
-def is_elsewhere(name: str, files: set[str]) -> bool:
-    """Return whether a test is in a file that is there and not among some."""
-    file = name.partition("::")[0]
-    return file not in files and (TABLE.parents[1] / file).exists()
 
 
 def processor_time() -> float:
@@ -105,7 +167,7 @@ def processor_time() -> float:
 
 def deselect_slow(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the tests that are not quick."""
-    slow = {name for name, seconds in read().items() if seconds > QUICK}
-    left_out = [item for item in items if name_of(item.nodeid) in slow or "notebooks" in item.path.parts]
+    long = slow(read(), config.getoption("--budget"))
+    left_out = [item for item in items if name_of(item.nodeid) in long or item.nodeid.startswith(LONG)]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in left_out]

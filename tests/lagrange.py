@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof.machine.parameters import Bodies, Body, Geometry, Parameters
+from p3dof.machine.parameters import SLIDES, Bodies, Body, Geometry, Parameters
 
 Array = NDArray[np.float64]
 
@@ -301,3 +301,43 @@ def _functions() -> dict[str, ca.Function]:
 
 def _vee(skew: ca.SX) -> ca.SX:
     return ca.vertcat(skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]) / 2
+
+
+HINGES = {  # the two bodies of each hinge; None is at rest
+    "hinge_a": ("slider_a", "leg_a"),
+    "hinge_b": ("slider_b", "leg_b"),
+    "hinge_c": ("slider_c", "crossbar_upper"),
+    "hinge_left": ("crossbar_upper", "rod_left"),
+    "hinge_right": ("crossbar_upper", "rod_right"),
+    "hinge_lower": ("rod_left", "crossbar_lower"),
+    "hinge_platform": ("crossbar_lower", "platform"),
+    "hinge_lower_right": ("rod_right", "crossbar_lower"),
+}
+UNIVERSALS = {"universal_a": ("leg_a", "platform"), "universal_b": ("leg_b", "platform")}
+
+
+def friction_forces(parameters, pose, velocity):
+    """Generalised forces against y, z, θ, and their power, at one sample, from Lagrange's spins."""
+    model, friction = LagrangeModel(parameters), parameters.friction
+    spins = np.stack([model.angular_velocities(pose, unit) for unit in np.eye(3)], axis=-1)  # (10, 3, 3)
+    spin = {name: spins[i] for i, name in enumerate(BODIES)}
+    rates = {}
+    for name, (one, other) in HINGES.items():
+        relative = spin[other] - spin[one]  # along the hinge for every velocity
+        axis = np.linalg.svd(relative)[0][:, 0]
+        np.testing.assert_allclose(
+            relative, np.outer(axis, axis @ relative), rtol=0, atol=1e-9 * abs(relative).max()
+        )
+        rates[name] = [axis @ relative]
+    for name, (one, other) in UNIVERSALS.items():
+        rates[name] = list((spin[other] - spin[one])[:2])
+        np.testing.assert_allclose((spin[other] - spin[one])[2], 0, rtol=0, atol=1e-12)
+    jacobian = model.jacobian(pose)
+    rates |= {name: [jacobian[i]] for i, name in enumerate(SLIDES)}
+    total = np.zeros(3)
+    for name in friction.joints:
+        for row in rates[name]:
+            rate = row @ velocity
+            smooth = np.tanh(rate / friction.smoothing)
+            total += row * (friction.viscous.get(name, 0) * rate + friction.coulomb.get(name, 0) * smooth)
+    return total, total @ velocity

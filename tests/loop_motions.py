@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 from closed_loop_robots import ARM, BAR, ROD, Solid, differences
+from documents import ROOT
 
+import p3dof
 from p3dof.loops import ClosedLoopModel, Closure, Sidecar
 
 
@@ -107,3 +111,44 @@ def biped(*standing: str) -> tuple[ClosedLoopModel, np.ndarray]:
     closures = tuple(Closure(f"{side}_ground", f"{side}_sole", "6d") for side in standing)
     model.armature = np.concatenate((np.zeros(6), np.full(12, 0.01)))
     return ClosedLoopModel(model, Sidecar(closures, tuple(names))), q
+
+
+def five_bar(**changes: object) -> tuple[ClosedLoopModel, np.ndarray]:
+    sidecar = replace(robots.FIVE_BAR_SIDECAR, **changes)
+    return ClosedLoopModel.from_urdf(robots.five_bar(), sidecar), robots.five_bar_q(2.0, 1.0)
+
+
+def stewart() -> tuple[ClosedLoopModel, np.ndarray]:
+    loop = p3dof.load_robot(ROOT / "docs/_static/gallery/stewart.urdf")
+    generator = np.random.default_rng(1)
+    q = loop.assemble().q
+    return loop, moved(
+        loop, q, np.linalg.svd(loop.closure_jacobian(q))[2][-6:].T @ generator.normal(size=6) / 10
+    )
+
+
+def geared() -> tuple[ClosedLoopModel, np.ndarray]:
+    loop = p3dof.load_robot(ROOT / "docs/_static/gallery/gripper.urdf")
+    return loop, loop.assemble().q
+
+
+def bent() -> tuple[ClosedLoopModel, np.ndarray]:
+    """Bars of the four-bar without its closure, geared by polynomials."""
+    couplings = (
+        p3dof.Coupling("rocker_joint", "crank_joint", (0.1, -0.5, 0.3, 0.2)),
+        p3dof.Coupling("coupler_joint", "rocker_joint", (0.3, 0.1, -0.4)),
+    )
+    sidecar = Sidecar((), ("crank_joint",), couplings)
+    loop = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    return loop, loop.assemble([0.7]).q
+
+
+ROBOTS = {
+    "five-bar": five_bar,
+    "Stewart platform": stewart,
+    "gripper with a coupling": geared,
+    "bars with bent couplings": bent,
+    "biped in the air": biped,
+    "biped on one foot": lambda: biped("left"),
+    "biped on two feet": lambda: biped("left", "right"),
+}

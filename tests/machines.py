@@ -5,12 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from lagrange import BODIES, cloud_body, random_cloud
 
 from p3dof.closed_form import kinematics
 from p3dof.machine.motion import states_of
-from p3dof.machine.parameters import SLIDES, Actuators, Bodies, Body, Geometry, Parameters
+from p3dof.machine.parameters import (
+    PAPER,
+    PASSIVE,
+    SLIDES,
+    Actuators,
+    Bodies,
+    Body,
+    Friction,
+    Geometry,
+    Parameters,
+)
+from p3dof.methods import engines
 from p3dof.methods.virtual_power import VirtualPowerMethod
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -99,10 +111,7 @@ def random_states(parameters, seed, count, drop=FAR["drop"], angle=FAR["angle"],
     pose = np.array(found[:count]).reshape(-1, 3)
     n, size = len(pose), [geometry.L, geometry.L, 1]
     return States(
-        pose,
-        rng.normal(0, 2, (n, 3)) * size,
-        rng.normal(0, 20, (n, 3)) * size,
-        rng.normal(0, 10, (n, 6)),
+        pose, rng.normal(0, 2, (n, 3)) * size, rng.normal(0, 20, (n, 3)) * size, rng.normal(0, 10, (n, 6))
     )
 
 
@@ -127,3 +136,37 @@ def derivative(function, t, step):
     return (
         8 * (function(t + step) - function(t - step)) - (function(t + 2 * step) - function(t - 2 * step))
     ) / (12 * step)
+
+
+def random_friction(rng, share=0.7):
+    def some():
+        return {name: float(rng.uniform(0.1, 3)) for name in (*SLIDES, *PASSIVE) if rng.random() < share}
+
+    return Friction(some(), some(), smoothing=float(rng.uniform(0.01, 0.5)))
+
+
+def positions(geometry, pose):
+    """Sliders of A, B, C and the joints at the platform, (3,) and (3, 3), for complex numbers too."""
+    r, R, L = geometry.r, geometry.R, geometry.L
+    y, z, theta = pose
+    p = z - np.sqrt(L**2 - (R - r) ** 2)
+    x_c, z_c = r * np.cos(theta), p + r * np.sin(theta)
+    sliders = (
+        p + np.sqrt(L**2 - (R - r + y) ** 2),
+        p + np.sqrt(L**2 - (R - r - y) ** 2),
+        z_c + np.sqrt(L**2 - y**2 - (R - x_c) ** 2),
+    )
+    return np.array(sliders), np.array([[0 * y, y - r, p], [0 * y, y + r, p], [x_c, y, z_c]])
+
+
+LIBRARIES = {"mujoco": "mujoco", "drake": "pydrake", "exudyn": "exudyn"}
+
+
+def engine(name, parameters=PAPER):
+    pytest.importorskip(LIBRARIES[name], reason=f"{name} not installed: pip install 'p3dof[engines]'")
+    return engines.load(name, parameters)
+
+
+def off(found, expected):
+    """The largest difference, by the largest force."""
+    return np.abs(found - expected).max() / np.abs(expected).max()

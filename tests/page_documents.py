@@ -5,6 +5,7 @@ from importlib.resources import files
 
 import jsonschema
 import numpy as np
+import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from p3dof.viewer.document.encoding import decoded
@@ -105,3 +106,36 @@ def moved(joint, q):
     else:
         raise AssertionError(kind)
     return found
+
+
+CONTINUOUS = """<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">
+<parent link="a"/><child link="b"/><axis xyz="0.6 0 0.8"/></joint></robot>"""
+
+
+def every_joint():
+    rng, axis = np.random.default_rng(5), np.array([0.6, 0.0, 0.8])
+    composite = pin.JointModelComposite()
+    composite.addJoint(pin.JointModelRX(), pin.SE3.Random())
+    composite.addJoint(pin.JointModelPY(), pin.SE3.Random())
+    unbounded = pin.buildModelFromXML(CONTINUOUS).joints[1]
+    each = {
+        "rz": pin.JointModelRZ(),
+        "r": pin.JointModelRevoluteUnaligned(axis),
+        "ruby": pin.JointModelRUBY(),
+        "ru": unbounded,
+        "px": pin.JointModelPX(),
+        "p": pin.JointModelPrismaticUnaligned(axis),
+        "hy": pin.JointModelHY(0.3),
+        "h": pin.JointModelHelicalUnaligned(axis, -0.2),
+        "ball": pin.JointModelSpherical(),
+        "translation": pin.JointModelTranslation(),
+        "planar": pin.JointModelPlanar(),
+        "free": pin.JointModelFreeFlyer(),
+        "universal": pin.JointModelUniversal(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])),
+        "zyx": pin.JointModelSphericalZYX(),
+        "composite": composite,
+    }
+    model = pin.Model()
+    for i, (name, joint) in enumerate(each.items()):
+        model.addJoint(int(rng.integers(0, i + 1)), joint, pin.SE3.Random(), name)
+    return model, model.createData()

@@ -10,12 +10,12 @@ from p3dof.closed_form import kinematics
 from p3dof.closed_form.kinematics.inverse import JOINTS
 from p3dof.machine.parameters import PASSIVE
 
-FRICTION = p3dof.Friction(
+FRICTION = p3dof.machine.Friction(
     viscous={"slide_a": 40.0, "slide_c": 25.0, PASSIVE[0]: 0.3}, coulomb={"slide_b": 12.0, PASSIVE[-1]: 0.4}
 )
-OTHER = p3dof.Geometry(r=0.08, R=0.31, L=0.55, b=0.06)
-PAYLOAD = p3dof.Body(2.5, [0.03, -0.02, 0.05], np.diag([0.02, 0.03, 0.01]))
-ACTUATORS = p3dof.Actuators(
+OTHER = p3dof.machine.Geometry(r=0.08, R=0.31, L=0.55, b=0.06)
+PAYLOAD = p3dof.machine.Body(2.5, [0.03, -0.02, 0.05], np.diag([0.02, 0.03, 0.01]))
+ACTUATORS = p3dof.machine.Actuators(
     armature={"sliders": 14.8},
     counterbalance={"slide_a": 48.0, "slide_b": 52.0},
     spring={"slide_b": -495.0, "slide_c": 300.0},

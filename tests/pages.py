@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 
+import numpy as np
 from browser import opened
 
 import p3dof
-from p3dof.viewer.document.document import page_document
 from p3dof.viewer.document.html import page_html
+from p3dof.viewer.machine.document import page_document
 
 READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 SETTLED = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
@@ -87,3 +88,12 @@ def as_new(watched):
     watched.page.evaluate(AS_NEW)
     watched.page.evaluate(SETTLED)
     return watched
+
+
+PLACES = """() => [...p3dof.instant().placements]"""
+DRAWN = "() => p3dof.state.stage.contents.arrows.drawn"
+
+
+def placements(watched):
+    """All joints in the fixed frame as the page draws them, shape (10, 4, 4)."""
+    return np.reshape(watched.page.evaluate(PLACES), (-1, 4, 4)).transpose(0, 2, 1)

@@ -13,11 +13,11 @@ from typing import Any, Literal
 
 import closed_loop_robots as robots
 import numpy as np
+import robot_texts
 import sweep_problems
-import test_robot_files
 import yaml
 from documents import ROOT
-from test_sidecar_schema import FULL
+from robot_texts import FULL
 
 try:
     import mujoco
@@ -27,23 +27,23 @@ except ImportError:
 import p3dof
 from p3dof._base import blocks
 from p3dof._base.files import pack_arrays, read_text
-from p3dof._base.files.json_text import dump_hashed
+from p3dof._base.files.reading import dump_hashed
+from p3dof._base.time_series.joint_files import read_joints
 from p3dof.analysis.designs.files import read_designs
-from p3dof.analysis.load_friction.files import read_load_friction
-from p3dof.analysis.reactions.stiffness_file import read_stiffness
+from p3dof.analysis.load_friction.contacts import read_load_friction
+from p3dof.analysis.reactions.stiffness import read_stiffness
 from p3dof.analysis.tolerances import read_uncertainty
 from p3dof.design.bearings import read_bearings
 from p3dof.design.drives import read_catalogue
-from p3dof.design.optimisation.journal import Journal
-from p3dof.design.optimisation.problem_file import read_problem
+from p3dof.design.optimisation.evolution import Journal
+from p3dof.design.optimisation.problem import read_problem
 from p3dof.design.sweeps import read_sweep
 from p3dof.design.tasks import read_task
 from p3dof.loops import Sidecar, load_robot
 from p3dof.loops.writers import mjcf, sdf, urdf
-from p3dof.machine.motion.joint_files import read_joints
-from p3dof.machine.parameters import serialization
-from p3dof.runs.many.files import read_runs
-from p3dof.viewer.document.robots.meshes import MeshFiles
+from p3dof.machine.parameters import machine as serialization
+from p3dof.runs.many.columns import read_runs
+from p3dof.viewer.document.meshes import MeshFiles
 
 MOTION = p3dof.paper_motion(11)
 HOME = np.zeros(3)
@@ -211,7 +211,7 @@ def used_joints(path: Path) -> None:
 
 def used_designs(path: Path) -> None:
     for rows in read_designs(path, 3):
-        p3dof.forces_of_designs(rows.columns, MOTION)
+        p3dof.analysis.forces_of_designs(rows.columns, MOTION)
 
 
 @cache
@@ -235,7 +235,10 @@ def parquet(text: str) -> bytes:
 def archives() -> list[bytes]:
     robot, folder = p3dof.load(), sweep_folder().parent
     run = robot.simulate(
-        0.05, controller=p3dof.PD(robot, MOTION.from_rest(0.2)), control=p3dof.ControlLoop(200), samples=11
+        0.05,
+        controller=p3dof.runs.PD(robot, MOTION.from_rest(0.2)),
+        control=p3dof.runs.ControlLoop(200),
+        samples=11,
     )
     data = run.save(folder / "run.npz").read_bytes()
     with np.load(folder / "run.npz") as arrays:
@@ -329,10 +332,8 @@ def used_robot(path: Path) -> None:
 
 def robot_files() -> list[bytes]:
     return [
-        test_robot_files.chain(
-            test_robot_files.ROTOR + test_robot_files.GEAR + test_robot_files.loop()
-        ).encode(),
-        test_robot_files.chain(test_robot_files.BALL, second='<mimic joint="shoulder"/>').encode(),
+        robot_texts.chain(robot_texts.ROTOR + robot_texts.GEAR + robot_texts.loop()).encode(),
+        robot_texts.chain(robot_texts.BALL, second='<mimic joint="shoulder"/>').encode(),
         robots.hexapod().encode(),
         *((ROOT / "urdf" / name).read_bytes() for name in ("p3dof_plus.urdf", "p3dof_drake.urdf")),
     ]
@@ -361,7 +362,7 @@ OWN = "closed_loop:\n- [left_tip, right_tip]\ntype: [3d]\nname_mot: [left_joint,
 
 
 def used_srdf(path: Path) -> None:
-    load_robot(test_robot_files.chain(), srdf_file=path)
+    load_robot(robot_texts.chain(), srdf_file=path)
 
 
 # Meshes ---------------------------------------------------------------------------------------------------
@@ -462,7 +463,7 @@ READERS: dict[str, Reader] = {
     "URDF": Reader("r.urdf", "xml", robot_files, used_robot),
     "MJCF": Reader("r.xml", "xml", file_of("p3dof_mjcf.xml"), used_robot),
     "SDF": Reader("r.sdf", "xml", file_of("p3dof.sdf"), used_robot, takes="nothing"),
-    "SRDF": Reader("r.srdf", "xml", encoded(test_robot_files.SRDF), used_srdf),
+    "SRDF": Reader("r.srdf", "xml", encoded(robot_texts.SRDF), used_srdf),
     "xacro": Reader("r.xacro", "xml", encoded(XACRO), used_robot, takes="nothing"),
     "sidecar": _yaml(used_sidecar, OWN, OWN + DATA),
     "any sidecar": _yaml(Sidecar.from_yaml, yaml.safe_dump(FULL)),

@@ -8,22 +8,23 @@ import numpy as np
 from machines import random_machine, random_states
 
 import p3dof
-from p3dof import (
+from p3dof import Motion, WrenchHistory
+from p3dof._base.errors import P3dofError
+from p3dof.closed_form.kinematics import singularity
+from p3dof.machine.parameters import Friction, Limits
+from p3dof.machine.parameters.body import PASSIVE, SLIDES
+from p3dof.runs import (
+    KINDS,
     PD,
     ComputedTorque,
     ControlLoop,
     Feedforward,
+    InitialState,
     Integration,
-    Motion,
+    Noise,
     Springs,
-    WrenchHistory,
 )
-from p3dof._base.errors import P3dofError
-from p3dof.closed_form.kinematics import singularity
-from p3dof.machine.parameters import Friction, Limits
-from p3dof.machine.parameters.names import PASSIVE, SLIDES
-from p3dof.runs import KINDS, InitialState, Noise
-from p3dof.runs.simulate import simulate_in_python, task_of
+from p3dof.runs.machine import RunOfMachine
 
 
 class Follower:
@@ -104,7 +105,7 @@ def random_run(seed):
 
 def in_python(machine, duration, **run):
     """Run by the integrator in Python."""
-    return simulate_in_python(task_of(machine, duration, method="compiled", **run))
+    return RunOfMachine(machine, duration, method="compiled", **run).in_python()
 
 
 def both(seed):

@@ -54,10 +54,10 @@ def run_sanitized(
     """
     flags, names, settings, before = _KINDS[kind]
     made = folder / "_compiled.so"
-    include, source = sysconfig.get_path("include"), ROOT / "p3dof/_native/_compiled.c"
+    include, sources = sysconfig.get_path("include"), map(str, (ROOT / "p3dof/_native").glob("*.c"))
     command = ["gcc", "-shared", "-fPIC", "-g1", f"-fsanitize={kind}", *flags, "-fno-math-errno"]
     if not made.exists():
-        subprocess.run([*command, f"-I{include}", str(source), "-o", str(made)], check=True)
+        subprocess.run([*command, f"-I{include}", *sources, "-o", str(made)], check=True)
     libraries = [
         subprocess.run(
             ["gcc", f"-print-file-name={name}"], check=True, capture_output=True, text=True

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import p3dof
 from p3dof._base import blocks
 
 MOTION = p3dof.paper_motion(41)
-VARIABLES = {
-    "R": blocks.Uniform(0.22, 0.3),
-    "L": blocks.Uniform(0.38, 0.5),
-    "share": blocks.Normal(1.0, 0.1),
-}
+VARIABLES = {"R": blocks.Uniform(0.22, 0.3), "L": blocks.Uniform(0.38, 0.5), "share": blocks.Normal(1.0, 0.1)}
 WAITING = "waiting-"
 """What the notes of blocks that wait at a gate begin with."""
 OUTPUTS = ("peak_a", "peak_b", "peak_c", "height")
@@ -98,3 +97,15 @@ def wait_until(what, seconds=60.0):
     while not what():
         assert time.monotonic() < end, "it did not happen"
         time.sleep(0.01)
+
+
+PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="pyarrow not installed")
+
+
+def environment():
+    paths = [
+        str(Path(__file__).parent),
+        str(Path(p3dof.__file__).parents[1]),
+        os.environ.get("PYTHONPATH", ""),
+    ]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}

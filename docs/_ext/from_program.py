@@ -27,11 +27,15 @@ from types import FunctionType, ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
+import api_examples
 import click
 import yaml
+from api_examples import doors_and_rooms, members, rooms_of
+from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.pycode import ModuleAnalyzer
+from sphinx.transforms import SphinxTransform
 
 import p3dof
 from p3dof.cli import app as program
@@ -97,7 +101,7 @@ def results_of(page: Path, folder: Path, shown: list[str]) -> None:
             if named := NAMED.match(text):
                 Path(named[1]).write_text(text, encoding="utf-8")
             if language == "console":
-                for line in re.findall(r"^\$ p3dof (.*)$", text, re.MULTILINE):
+                for line in re.findall(r"^\$ p3dof (.*)$", text.replace("\\\n", ""), re.MULTILINE):
                     words = shlex.split(line)
                     if not line.endswith(".pdf") and main(words):
                         raise RuntimeError(f"{page.name}: p3dof {line}")
@@ -160,8 +164,10 @@ def api_page() -> str:
         "Python",
         "======",
         "",
-        "Every public name of ``p3dof``. A name is imported when it is first used, so that ``import p3dof``",
-        "takes milliseconds. Poses are (y, z, θ); forces and sliders are ordered A, B, C; SI units.",
+        "The most important names, and the modules, whose pages have all the others. A name is imported",
+        "when it is first used, so that ``import p3dof`` takes milliseconds. Poses are (y, z, θ); forces and",
+        "sliders are ordered A, B, C; SI units. Each function and class has an example that a test runs; the",
+        "robots in ``gallery/`` are those of :doc:`/how-to/gallery`.",
         "",
     ]
     for topic, names in topics().items():
@@ -181,16 +187,6 @@ def api_page() -> str:
         if modules:
             parts += [".. toctree::", "   :maxdepth: 2", "", *(f"   p3dof.{name}" for name in modules), ""]
     return "\n".join(parts)
-
-
-def rooms_of(door: str) -> list[str]:
-    """Return the rooms behind a door that offer something."""
-    offered = getattr(getattr(p3dof, door), "__all__", ())
-    found = {name: getattr(getattr(p3dof, door), name) for name in offered}
-    rooms = [
-        name for name, room in found.items() if isinstance(room, ModuleType) and hasattr(room, "__all__")
-    ]
-    return [f"{door}.{name}" for name in rooms]
 
 
 def data_names() -> list[str]:
@@ -220,9 +216,8 @@ def data_page(name: str) -> str:
 
 def module_pages() -> dict[str, str]:
     """Return a page for each public module: what it says about itself, and what it offers beyond `p3dof`."""
-    pages, told = {}, {id(getattr(p3dof, name)) for name in p3dof.__all__}
-    doors = [name for name in p3dof.__all__ if isinstance(getattr(p3dof, name), ModuleType)]
-    for name in [room for door in doors for room in (door, *rooms_of(door))]:
+    pages, listed = {}, members()
+    for name in doors_and_rooms():
         module = attrgetter(name)(p3dof)
         title = f"p3dof.{name}"
         parts = [title, "=" * len(title), ""]
@@ -230,26 +225,25 @@ def module_pages() -> dict[str, str]:
             parts += [f".. automodule:: {title}", "   :no-members:", ""]
         else:  # offered by another name than it has
             parts += [f".. py:module:: {title}", "", inspect.getdoc(module) or "", ""]
-        rooms = rooms_of(name) if name in doors else []
+        rooms = rooms_of(name) if "." not in name else []
         for room in rooms:
             about = (inspect.getdoc(attrgetter(room)(p3dof)) or "").splitlines()[0]
             parts += [f"* :doc:`p3dof.{room}`: {about}"]
         if rooms:
             parts += ["", ".. toctree::", "   :hidden:", "", *(f"   p3dof.{room}" for room in rooms), ""]
-        for member in getattr(module, "__all__", ()):
-            what = getattr(module, member)
-            if id(what) not in told and (inspect.isfunction(what) or inspect.isclass(what)):
-                told.add(id(what))
-                parts += _directive(title, member, what)
+        for member, what in listed[name]:
+            parts += _directive(title, member, what)
         pages[name] = "\n".join(parts)
     return pages
 
 
-def _directive(module: str, name: str, what: object) -> list[str]:
+def _directive(module: str, name: str, what: Any) -> list[str]:
     """Return the lines that have Sphinx document a function or a class."""
     if inspect.isfunction(what):
         return [f".. autofunction:: {module}.{name}", ""]
-    options = ["   :members:", "   :inherited-members: object, tuple"]
+    options = ["   :members:"]
+    if not issubclass(what, BaseException):  # which inherits what every error of Python has
+        options += ["   :inherited-members: object, tuple, int"]
     return [f".. autoclass:: {module}.{name}", *options, ""]
 
 
@@ -369,9 +363,25 @@ def _write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
+class Searched(SphinxTransform):
+    """Makes entries in the index of what readers search for."""
+
+    default_priority = 840  # the index is collected at 850
+
+    def apply(self, **_: Any) -> None:
+        """Enter them, before the index is collected."""
+        for place, words in self.config.searched.get(self.env.docname, {}).items():
+            entries = [("single", word.strip(), place, "main", None) for word in words.split(";")]
+            self.document.insert(0, addnodes.index(entries=entries))
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Have the pages written before Sphinx looks for its sources."""
+    app.add_config_value("searched", {}, "env")
+    app.add_transform(Searched)
     app.connect("config-inited", write_pages)
-    # Sphinx cannot see that the command line has changed: its page is read anew each time.
-    app.connect("env-get-outdated", lambda *_: ["reference/cli"])
+    api_examples.setup(app)
+    # Sphinx cannot see that the command line has changed, and forgets the entries of pages that it does not
+    # read: these pages are read anew each time.
+    app.connect("env-get-outdated", lambda app, *_: ["reference/cli", *app.config.searched])
     return {"parallel_read_safe": True, "parallel_write_safe": True}

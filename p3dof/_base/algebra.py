@@ -11,14 +11,11 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-Scalar: TypeAlias = Any
-"""A number, an array of numbers (a batch), or a symbol."""
+Scalar: TypeAlias = Any  # a number, an array of numbers (a batch), or a symbol
 
-Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
-"""Three components."""
+Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]  # three components
 
-Matrix: TypeAlias = tuple[Vector, Vector, Vector]
-"""Three rows."""
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]  # three rows
 
 
 class Namespace(Protocol):
@@ -47,8 +44,7 @@ class Ordered(Namespace, Protocol):
         """Return the angle of the point (x, y)."""
 
 
-BLOCK = 4096
-"""Samples that a formula computes at once: its intermediate arrays stay in the processor's cache."""
+BLOCK = 4096  # samples that a formula computes at once: its intermediate arrays stay in the processor's cache
 
 U1: Vector = (1, 0, 0)
 U2: Vector = (0, 1, 0)
@@ -114,11 +110,7 @@ def cross(v: Vector, w: Vector) -> Vector:
 
 def transpose(A: Matrix) -> Matrix:
     """Return Aᵀ."""
-    return (
-        (A[0][0], A[1][0], A[2][0]),
-        (A[0][1], A[1][1], A[2][1]),
-        (A[0][2], A[1][2], A[2][2]),
-    )
+    return ((A[0][0], A[1][0], A[2][0]), (A[0][1], A[1][1], A[2][1]), (A[0][2], A[1][2], A[2][2]))
 
 
 def apply(A: Matrix, v: Vector) -> Vector:

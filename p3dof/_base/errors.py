@@ -8,6 +8,27 @@ from __future__ import annotations
 
 from typing import Any
 
+__all__ = [
+    "AssemblyError",
+    "ControllerError",
+    "DriveError",
+    "DynamicsError",
+    "FileError",
+    "InputError",
+    "MissingExtraError",
+    "ModelError",
+    "ModelWarning",
+    "MotionError",
+    "OptimisationError",
+    "P3dofError",
+    "ParameterError",
+    "ReachError",
+    "SampleError",
+    "SingularityError",
+    "SweepError",
+    "TaskError",
+]
+
 
 class P3dofError(Exception):
     """Root of all errors raised by p3dof."""
@@ -38,9 +59,6 @@ class MotionError(P3dofError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.args[0]} ({self.hint})" if self.hint else str(self.args[0])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.args[0], self.hint)
 
 
 class TaskError(P3dofError, ValueError):
@@ -78,11 +96,7 @@ class SampleError(P3dofError, ValueError):
 
     def __init__(self, message: str, index: tuple[int, ...] = (), count: int = 1) -> None:
         super().__init__(message)
-        self.index = index
-        self.count = count
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self), self.index, self.count)
+        self.index, self.count = index, count
 
 
 class ReachError(SampleError):
@@ -104,8 +118,7 @@ class ReachError(SampleError):
         self, message: str, leg: str, margin: float, index: tuple[int, ...] = (), count: int = 1
     ) -> None:
         super().__init__(message, index, count)
-        self.leg = leg
-        self.margin = margin
+        self.leg, self.margin = leg, margin
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (str(self), self.leg, self.margin, self.index, self.count)
@@ -129,9 +142,6 @@ class AssemblyError(P3dofError, RuntimeError):
     def __init__(self, message: str, gap: float = float("nan")) -> None:
         super().__init__(message)
         self.gap = gap
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self), self.gap)
 
 
 class DynamicsError(P3dofError, RuntimeError):
@@ -157,9 +167,6 @@ class OptimisationError(P3dofError, RuntimeError):
         super().__init__(message)
         self.conflicts = conflicts
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self), self.conflicts)
-
 
 class MissingExtraError(P3dofError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
@@ -182,8 +189,4 @@ class ControllerError(P3dofError, RuntimeError):
 
     def __init__(self, message: str, time: float = float("nan"), run: Any = None) -> None:
         super().__init__(message)
-        self.time = time
-        self.run = run
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self), self.time, self.run)
+        self.time, self.run = time, run

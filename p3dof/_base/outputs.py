@@ -23,31 +23,12 @@ def result_in(
     compute: Callable[[FloatArray | None], FloatArray],
     row: int = 1,
 ) -> FloatArray:
-    """Return a result, in the user's array if there is one.
+    """Return a result, in the user's array if there is one; `out` itself, or what was computed.
 
-    Parameters
-    ----------
-    out : ndarray or None
-        What the user gave.
-    shape : tuple of int
-        Of the result.
-    given : iterable
-        What the result is computed from; the arrays among it must not share memory with `out`.
-    compute : callable
-        Returns the result. It is called with an array to write into, of the shape of the result, or None if
-        it must make one; it may always make one.
-    row : int
-        How many of the last axes belong to one sample.
+    `given`: what the result is computed from; the arrays among it must not share memory with `out`.
 
-    Returns
-    -------
-    ndarray
-        `out` itself, or what was computed.
-
-    Raises
-    ------
-    InputError
-        If `out` does not fit; it is as it was then. After any error of `compute` it is NaN.
+    `compute`: returns the result. It is called with an array to write into, of the shape of the result, or
+    None if it must make one; it may always make one.
     """
     if out is None:
         return compute(None)
@@ -63,19 +44,7 @@ def result_in(
 
 
 def written(found: FloatArray, out: FloatArray | None) -> FloatArray:
-    """Return what was found, in an array that it is to be written into, if there is one.
-
-    Parameters
-    ----------
-    found : ndarray
-        The result.
-    out : ndarray of the same shape, optional
-        Where to write.
-
-    Returns
-    -------
-    ndarray
-    """
+    """Return what was found, in an array that it is to be written into, if there is one."""
     if out is None:
         return found
     out[...] = found
@@ -83,29 +52,7 @@ def written(found: FloatArray, out: FloatArray | None) -> FloatArray:
 
 
 def checked_out(name: str, out: Any, shape: tuple[int, ...], given: Iterable[object]) -> FloatArray:
-    """Return the array that a result of a shape is to be written into.
-
-    Parameters
-    ----------
-    name : str
-        What to call it in an error.
-    out : ndarray
-        What the user gave.
-    shape : tuple of int
-        Of the result.
-    given : iterable
-        What the result is computed from.
-
-    Returns
-    -------
-    ndarray
-
-    Raises
-    ------
-    InputError
-        If it is no writable array of float64 of this shape with a place for every number, or if it shares
-        memory with one of the arrays that are given.
-    """
+    """Return the array that a result of a shape is to be written into."""
     if not isinstance(out, np.ndarray):
         raise InputError(f"{name}: expected an array of float64, got {shown(out)}")
     if out.dtype != _DOUBLES:
@@ -129,21 +76,7 @@ def checked_parts(
 ) -> None:
     """Look at the arrays of an earlier result that is to be written again, as `checked_out` does at one.
 
-    Parameters
-    ----------
-    arrays : sequence of ndarray
-        The arrays; they must not share memory with each other either.
-    names : sequence of str
-        What the result calls them.
-    shapes : sequence of tuple of int
-        Of the new result.
-    given : iterable
-        What that is computed from.
-
-    Raises
-    ------
-    InputError
-        If one does not fit.
+    `arrays`: the arrays; they must not share memory with each other either.
     """
     known = list(given)
     for array, name, shape in zip(arrays, names, shapes, strict=True):
@@ -153,17 +86,7 @@ def checked_parts(
 def in_rows(array: FloatArray, row: int) -> bool:
     """Return whether kernels can write an array: aligned, every number apart, one axis of samples.
 
-    Parameters
-    ----------
-    array : ndarray
-        Any.
-    row : int
-        How many of the last axes belong to one sample.
-
-    Returns
-    -------
-    bool
-        Then ``array.reshape(-1, *array.shape[-row:])`` is a view of it.
+    Then ``array.reshape(-1, *array.shape[-row:])`` is a view of it.
     """
     if not array.flags.aligned or not array.size:  # NumPy calls every empty array aligned
         return False

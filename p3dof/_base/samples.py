@@ -17,8 +17,7 @@ from p3dof._base.errors import InputError, ReachError, SingularityError
 OnInvalid: TypeAlias = Literal["raise", "nan"]
 """What to do with invalid samples: raise, or fill their rows with NaN."""
 
-POLICIES = get_args(OnInvalid)
-"""The two."""
+POLICIES = get_args(OnInvalid)  # the two
 
 LEGS = ("a", "b", "c")
 
@@ -31,37 +30,13 @@ are about the weight / angle: nearer than this no machine could use the number.
 
 
 def check_policy(on_invalid: str) -> None:
-    """Raise unless `on_invalid` is one of the two policies.
-
-    Parameters
-    ----------
-    on_invalid : str
-        What the user gave.
-
-    Raises
-    ------
-    InputError
-        If it is neither ``"raise"`` nor ``"nan"``.
-    """
+    """Raise unless `on_invalid` is one of the two policies."""
     if on_invalid not in POLICIES:
         raise InputError(f"on_invalid: expected 'raise' or 'nan', got {on_invalid!r}")
 
 
 def raise_not_finite(name: str, array: FloatArray) -> None:
-    """Raise for the first row of a batch that is not finite.
-
-    Parameters
-    ----------
-    name : str
-        What to call the argument.
-    array : ndarray, shape (..., 3)
-        The argument.
-
-    Raises
-    ------
-    InputError
-        If any entry is NaN or infinite.
-    """
+    """Raise for the first row of a batch that is not finite."""
     finite = np.isfinite(array)
     if not finite.all():
         index, where = first_bad(~np.all(finite, axis=-1))
@@ -69,22 +44,7 @@ def raise_not_finite(name: str, array: FloatArray) -> None:
 
 
 def first_bad(bad: NDArray[np.bool_], complete: bool = True) -> tuple[tuple[int, ...], str]:
-    """Return the index of the first bad sample, and the words that name it in a message.
-
-    Parameters
-    ----------
-    bad : ndarray of bool, shape (...)
-        Which samples are bad; at least one is.
-    complete : bool
-        Whether all samples were looked at.
-
-    Returns
-    -------
-    index : tuple of int
-        Its index in the batch; empty for a single sample.
-    where : str
-        For a batch: which sample it is and how many there are; else empty.
-    """
+    """Return the index of the first bad sample, and the words that name it in a message."""
     index = tuple(int(i) for i in np.argwhere(bad)[0])
     if not index:
         return index, ""
@@ -93,27 +53,23 @@ def first_bad(bad: NDArray[np.bool_], complete: bool = True) -> tuple[tuple[int,
     return index, f" (sample {shown}, the first of {count} such of {bad.size})"
 
 
+def unit_hint(pose: FloatArray, length: float = np.inf, angle: float = np.pi) -> str:
+    """Return which units poses (..., 3) seem to be in that a machine cannot take, in brackets, or nothing.
+
+    Angles beyond half a turn, or another `angle` [rad], look like degrees; y and z beyond a `length` [m] like
+    millimetres.
+    """
+    rows = np.where(np.isfinite(pose), pose, 0.0).reshape(-1, 3)
+    y, z, theta = rows[np.abs(rows).argmax(axis=0), range(3)]
+    told = [f"{far:g} m: mm?" for far in (y, z) if abs(far) > length]
+    told += [f"{theta:g} rad: degrees?"] if abs(theta) > angle else []
+    return f" ({', '.join(told)})" if told else ""
+
+
 def raise_out_of_reach(
     pose: FloatArray, bad: NDArray[np.bool_], margins: FloatArray, complete: bool = True
 ) -> None:
-    """Raise for the first pose of a batch that a leg does not reach.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (..., 3)
-        The poses.
-    bad : ndarray of bool, shape (...)
-        Which of them are out of reach.
-    margins : ndarray, shape (..., 3)
-        Their reach margins [m].
-    complete : bool
-        Whether all samples were looked at.
-
-    Raises
-    ------
-    ReachError
-        Naming the leg, its margin, the sample and how many there are.
-    """
+    """Raise for the first pose of a batch that a leg does not reach."""
     if not bad.any():
         return
     index, where = first_bad(bad, complete)
@@ -121,9 +77,11 @@ def raise_out_of_reach(
     margin = float(margins[index][leg])
     y, z, theta = pose[index]
     shortage = f"is too short by {-margin:g} m" if margin < 0 else "would be horizontal"
+    far, short = float(np.abs(pose[bad][:, 0]).max()), -float(margins[bad].min())
+    hint = unit_hint(pose[bad], 4 * max(far - short, 0.0) if short > 0.75 * far else np.inf)
     raise ReachError(
         f"pose (y = {y:g} m, z = {z:g} m, theta = {theta:g} rad) is out of reach: leg {LEGS[leg].upper()} "
-        f"{shortage}{where}",
+        f"{shortage}{where}{hint}",
         LEGS[leg],
         margin,
         index,
@@ -134,28 +92,12 @@ def raise_out_of_reach(
 def raise_singular(
     pose: FloatArray, bad: NDArray[np.bool_], actuation: FloatArray, complete: bool = True
 ) -> None:
-    """Raise for the first pose of a batch at which the actuators cannot hold the platform.
-
-    Parameters
-    ----------
-    pose : ndarray, shape (..., 3)
-        The poses.
-    bad : ndarray of bool, shape (...)
-        Which of them are singular.
-    actuation : ndarray, shape (...)
-        Their angles from the singularity [rad].
-    complete : bool
-        Whether all samples were looked at.
-
-    Raises
-    ------
-    SingularityError
-        Naming the pose, the angle, the sample and how many there are.
-    """
+    """Raise for the first pose of a batch at which the actuators cannot hold the platform."""
     if not bad.any():
         return
     index, where = first_bad(bad, complete)
     y, z, theta = pose[index]
+    where += unit_hint(pose[bad])
     raise SingularityError(
         f"pose (y = {y:g} m, z = {z:g} m, theta = {theta:g} rad) is actuation-singular: the sliders cannot "
         f"hold the platform's rotation ({abs(float(actuation[index])):.2g} rad from det J = 0){where}",
@@ -176,26 +118,7 @@ def rows_like(wrench: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
 
 
 def wrench_like(wrench: ArrayLike | None, shape: tuple[int, ...], on_invalid: OnInvalid) -> FloatArray:
-    """Return the external wrench for every sample of a batch.
-
-    Parameters
-    ----------
-    wrench : array-like, shape (..., 6), or None
-        What the user gave; None is no wrench.
-    shape : tuple of int
-        Leading shape of the batch.
-    on_invalid : {"raise", "nan"}
-        Raise for numbers that are not finite, or let them through as NaN.
-
-    Returns
-    -------
-    ndarray, shape (*shape, 6)
-
-    Raises
-    ------
-    InputError
-        If the shape does not fit the batch, or a number is not finite.
-    """
+    """Return the external wrench for every sample of a batch; ndarray, shape (*shape, 6)."""
     array = rows_like(np.zeros(6) if wrench is None else wrench, shape)
     finite = np.isfinite(array)
     if finite.all():

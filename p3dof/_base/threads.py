@@ -33,31 +33,14 @@ class Workspace(threading.local):
 
 
 class Own(Workspace, Generic[_Made]):
-    """Something that every thread makes for itself, such as the data of a library.
-
-    Parameters
-    ----------
-    make : callable
-        Makes it; called once by each thread.
-
-    Attributes
-    ----------
-    here : object
-        That of this thread.
-    """
+    """Something that every thread makes for itself, such as the data of a library."""
 
     def __init__(self, make: Callable[[], _Made]) -> None:
         self.here = make()
 
 
 class OneThread:
-    """A guard of what only one thread may use: that which asks first, until it is given away.
-
-    Parameters
-    ----------
-    what : str
-        What it is, and what to do instead, for the error.
-    """
+    """A guard of what only one thread may use: that which asks first, until it is given away."""
 
     def __init__(self, what: str) -> None:
         self._what = what
@@ -71,13 +54,7 @@ class OneThread:
         self._thread["has it"] = threading.get_ident()
 
     def check(self) -> None:
-        """Raise unless it is this thread's, or nobody's yet.
-
-        Raises
-        ------
-        InputError
-            If another thread has it.
-        """
+        """Raise unless it is this thread's, or nobody's yet."""
         me = threading.get_ident()
         if self._thread.setdefault("has it", me) != me:  # whole, whoever else asks now
             raise InputError(f"{self._what}: another thread uses it")
@@ -89,22 +66,7 @@ def processors() -> int:
 
 
 def thread_count(threads: int | None) -> int:
-    """Return on how many threads to work at most.
-
-    Parameters
-    ----------
-    threads : int, optional
-        What the user asks for; by default the environment's ``P3DOF_THREADS``, else `processors`.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    InputError
-        If it is not a number from 1 to 1024.
-    """
+    """Return on how many threads to work at most."""
     asked = os.environ.get("P3DOF_THREADS")
     name, wanted = (
         ("threads", threads) if threads is not None or not asked else ("P3DOF_THREADS", _number(asked))
@@ -122,22 +84,7 @@ def _number(text: str) -> int | str:
 
 
 def shares(count: int, threads: int, least: int = 1) -> list[tuple[int, int]]:
-    """Return parts of a work, as alike as whole numbers are, first to last.
-
-    Parameters
-    ----------
-    count : int
-        How many pieces the work has.
-    threads : int
-        How many parts at most.
-    least : int
-        Pieces that are worth a thread of their own.
-
-    Returns
-    -------
-    list of (int, int)
-        Starts and stops, one part at the least.
-    """
+    """Return starts and stops of parts as alike as whole numbers are; one part at the least."""
     parts = max(1, min(threads, count // least))
     ends = [count * part // parts for part in range(parts + 1)]
     return [(ends[k], ends[k + 1]) for k in range(parts)]
@@ -152,17 +99,10 @@ def slices(count: int, size: int) -> Iterator[slice]:
 def in_threads(job: Callable[[_Part], _Result], parts: Sequence[_Part]) -> list[_Result]:
     """Do a job on all parts at once, the first on this thread: it need not wait for the others to wake up.
 
-    Parameters
-    ----------
-    job : callable
-        Called with a part; it must leave Python's lock for most of its time, and not ask for threads itself.
-    parts : sequence
-        What to do, one a thread.
+    What it returned. Where it raises, the others are waited for; then the first part's error is raised.
 
-    Returns
-    -------
-    list
-        What it returned. Where it raises, the others are waited for; then the first part's error is raised.
+    `job`: called with a part; it must leave Python's lock for most of its time, and not ask for threads
+    itself.
     """
     if not parts:
         return []

@@ -8,13 +8,9 @@
 #include <Python.h>
 #include <structmember.h>
 
-#include <float.h>
-#include <math.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
 #include "levels.h"
+
+#include "level_table.h"
 
 #include "call.h"
 
@@ -46,7 +42,7 @@ static PyObject *names_of_levels(void)
     const int count = runnable_levels();
     PyObject *names = PyTuple_New(count);
     for (int k = 0; names && k < count; ++k) {
-        PyObject *name = PyUnicode_FromString(LEVELS[k].name);
+        PyObject *name = PyUnicode_FromString(LEVELS[k]->name);
         if (!name)
             Py_CLEAR(names);
         else

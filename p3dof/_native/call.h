@@ -394,8 +394,8 @@ static const Level *level_named(PyObject *name)
 {
     const int runnable = runnable_levels();
     for (int k = 0; k < runnable; ++k)
-        if (PyUnicode_CompareWithASCIIString(name, LEVELS[k].name) == 0)
-            return &LEVELS[k];
+        if (PyUnicode_CompareWithASCIIString(name, LEVELS[k]->name) == 0)
+            return LEVELS[k];
     PyErr_Format(PyExc_ValueError, "this CPU runs no level %R; `levels` has the names of those that it does", name);
     return NULL;
 }

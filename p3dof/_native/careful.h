@@ -44,7 +44,7 @@ static P3DOF_TARGET void P3DOF_LANE(careful_rate)(const P3DOF_LANE(Step) * s, do
 #undef DOP853_RATE
 #undef DOP853_TARGET
 
-/* The margins of a state, in the order of p3dof.runs.limits, and their rates. */
+/* The margins of a state, in the order of p3dof.runs.margins, and their rates. */
 static P3DOF_TARGET void P3DOF_LANE(careful_margins)(const P3DOF_LANE(State) * m, const double *x, double *margin,
                                                      double *rate)
 {

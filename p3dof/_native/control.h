@@ -1,6 +1,6 @@
 /* The path from what sliders do to the forces on them, in lanes: encoders, controller, cut, delay, lag.
  *
- * The same as p3dof.runs: encoders.py, controllers.py, actuation.py, drives.py. Included once for every level and
+ * The same as p3dof.runs.controllers and p3dof.runs.actuation. Included once for every level and
  * every width, with P3DOF_LANE(f), P3DOF_NAME(f), P3DOF_TARGET and P3DOF_LANES defined by the includer, after
  * generated/lane_kernels.h; one lane is a run by itself. No Python here.
  *
@@ -9,48 +9,7 @@
  * last change. If forces are late by a part of a period, control_switch is called at the tick with the tick before it,
  * and with the tick itself when that part is over.
  */
-#ifndef CONTROL_PATH
-#define CONTROL_PATH
-enum {
-    CONTROL_FEEDBACK, /* base + gain (wanted - position + integral) + damping (rate - velocity) */
-    CONTROL_TORQUE,   /* inverse dynamics of a model; gain, damping [0] are omega^2 and 2 zeta omega */
-};
-enum {
-    MOST_LATE = 16,       /* whole periods that forces may be late */
-    FEEDBACK_COLUMNS = 9, /* of the table: base 3, wanted positions 3, velocities 3 */
-    TORQUE_COLUMNS = 9,   /* pose 3, velocity 3, acceleration in the middle of the hold 3 */
-};
-
-/* What is the same for all lanes. */
-typedef struct {
-    int kind, noisy, counting, differencing, lagging, integrating;
-    int symmetric, rough; /* the controller's model: whether its bodies are, whether its joints have friction */
-    int whole;           /* periods that forces are late; a rest of one is up to the caller */
-    int ring;            /* places in the queue: 1 if nothing is late, else whole + 2 */
-    double period;
-    const double *table; /* one row a tick; NULL: base, wanted and rate of the lanes stay */
-    const double *assembly, *torque, *inverse; /* constants of the controller's model */
-    const double *known; /* of one lane: pose and velocity, where measuring them gives just these; or NULL */
-} ControlPath;
-#endif
-
-typedef struct {
-    /* What is given. */
-    double gain[3][P3DOF_LANES], damping[3][P3DOF_LANES];
-    double share[3][P3DOF_LANES]; /* of an error that a period adds to the integral: period / T */
-    double base[3][P3DOF_LANES], wanted[3][P3DOF_LANES], rate[3][P3DOF_LANES];
-    double cut[3][P3DOF_LANES];   /* largest force, or infinity */
-    double count[3][P3DOF_LANES]; /* of the encoders, 0 for any number [m] */
-    double sigma[2][P3DOF_LANES]; /* of positions and velocities */
-    double lag[3][P3DOF_LANES];   /* 2 pi bandwidth [1/s], or infinity */
-    /* Where it is. */
-    double goal[9][P3DOF_LANES];  /* of CONTROL_TORQUE: a row of its table */
-    double integral[3][P3DOF_LANES], saturated[3][P3DOF_LANES], last[3][P3DOF_LANES];
-    double asked[3][P3DOF_LANES], held[3][P3DOF_LANES]; /* of the command that acts */
-    double begun[3][P3DOF_LANES];  /* forces when it began to act */
-    double since[1][P3DOF_LANES];  /* how long it has acted [s] */
-    double late[MOST_LATE + 2][6][P3DOF_LANES];
-} P3DOF_LANE(Control);
+#include "control_state.h"
 
 /* Read the row of the table at each lane's tick. */
 static P3DOF_TARGET void P3DOF_LANE(control_wanted)(const ControlPath *path, P3DOF_LANE(Control) * m,
@@ -69,13 +28,13 @@ static P3DOF_TARGET void P3DOF_LANE(control_wanted)(const ControlPath *path, P3D
         same &= tick[l] == tick[0];
     for (int i = 0; i < 9; ++i) {
         if (same) {
-            const double number = path->table[9 * tick[0] + i];
+            const double number = path->table[9 * (tick[0] - path->first) + i];
             for (int l = 0; l < P3DOF_LANES; ++l)
                 (*rows[i])[l] = number;
         }
         else {
             for (int l = 0; l < P3DOF_LANES; ++l)
-                (*rows[i])[l] = path->table[9 * tick[l] + i];
+                (*rows[i])[l] = path->table[9 * (tick[l] - path->first) + i];
         }
     }
 }
@@ -91,7 +50,7 @@ static P3DOF_TARGET void P3DOF_LANE(control_measure)(const ControlPath *path, P3
         for (int l = 0; l < P3DOF_LANES; ++l)
             if (noise[l])
                 for (int i = 0; i < 6; ++i)
-                    seen[i][l] += m->sigma[i / 3][l] * noise[l][6 * tick[l] + i];
+                    seen[i][l] += m->sigma[i / 3][l] * noise[l][6 * (tick[l] - path->first) + i];
     }
     if (path->counting) {
         for (int i = 0; i < 3; ++i)

@@ -1,15 +1,7 @@
 /* What a controller follows that acts all the time: a motion, quintic between its samples, at any time. No Python here.
  *
- * The same as p3dof.runs.reference.
+ * The same as p3dof.runs.controllers.
  */
-
-typedef struct {
-    const double *breaks, *curve; /* ends of the pieces; of each 6 coefficients of y, z, theta, the highest power first */
-    ptrdiff_t pieces, at;         /* at: the piece that was asked for last */
-    double first[3], last[3], duration; /* where the motion rests before and after, and how long it takes [s] */
-    const double *place;          /* constants of the model's kernel of sliders */
-    int forward;                  /* whether the forces of the model are fed forward */
-} Followed;
 
 /* Write pose, velocity and acceleration at a time, (9). */
 static void followed_at(Followed *f, double t, double *goal)

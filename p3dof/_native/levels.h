@@ -1,4 +1,10 @@
-/* The levels of the instruction set: the same kernels compiled for each, and what this CPU has of them. */
+/* The levels of the instruction set: what the file of each level, `level_*.c`, gives to `_compiled.c`. No Python here. */
+
+#include <float.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "sine, cosine and the margins need the rounding and the NaN of IEEE 754: no -ffast-math"
@@ -41,50 +47,43 @@ enum {
 
 #include "machine.h"
 
-/* The levels: the same code compiled again for each. */
+#define P3DOF_LANE(f) f##_of_one
+#define P3DOF_LANES 1
+#include "control_state.h"
+#undef P3DOF_LANE
+#undef P3DOF_LANES
+typedef Control_of_one OneControl;
 
-#define P3DOF_NAME(f) f##_baseline
-#define P3DOF_TARGET
-#include "vector_math.h"
-#include "generated/batch_kernels.h"
-#include "design_figures.h"
-#include "machine_run.h"
-#undef P3DOF_NAME
-#undef P3DOF_TARGET
+#include "many_batch.h"
 
-/* On 64-bit Windows gcc keeps vectors of 32 bytes at addresses that are multiples of 16 (its bug 54412). */
+/* Levels above the baseline. P3DOF_NO_AVX2 and P3DOF_NO_AVX512 leave one out: see setup.py. On 64-bit Windows gcc keeps
+ * vectors of 32 bytes at addresses that are multiples of 16 (its bug 54412). */
 #if defined(__GNUC__) && defined(__x86_64__) && !(defined(_WIN32) && !defined(__clang__))
-#define P3DOF_X86_LEVELS
-
-#define P3DOF_NAME(f) f##_avx2
-#define P3DOF_TARGET __attribute__((target("avx2,fma")))
-#include "vector_math.h"
-#include "generated/batch_kernels.h"
-#include "design_figures.h"
-#include "machine_run.h"
-#undef P3DOF_NAME
-#undef P3DOF_TARGET
-
-#define P3DOF_NEWTON
-#define P3DOF_NAME(f) f##_avx512
-#if defined(__clang__) /* takes the full width as it is */
-#define P3DOF_TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma")))
-#else
-#define P3DOF_TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma,prefer-vector-width=512")))
+#if !defined(P3DOF_NO_AVX2)
+#define P3DOF_HAS_AVX2
 #endif
-#include "vector_math.h"
-#include "generated/batch_kernels.h"
-#include "design_figures.h"
-#include "machine_run.h"
-#undef P3DOF_NAME
-#undef P3DOF_NEWTON
-#undef P3DOF_TARGET
+#if !defined(P3DOF_NO_AVX512)
+#define P3DOF_HAS_AVX512
+#endif
 #endif
 
+/* The kernels of a run in one lane, and what lets a controller act. */
+enum { MOTIONS = 4 };
 typedef struct {
-    const char *name;
-    int constants, inputs, outputs;
-} Kernel;
+    Motion *motions[MOTIONS];
+    Lane *place, *watch;
+    void (*act)(MachineRun *, const double *);
+    void (*follow)(MachineRun *, double, const double *, double *);
+} RunKernels;
+
+/* Many runs, in one lane and in many. */
+enum { MANY_WIDE = 32 };
+typedef void Many(const Batch *, void *, ptrdiff_t, ptrdiff_t);
+typedef struct {
+    Many *single, *wide;
+    size_t single_size, wide_size;
+    ptrdiff_t row; /* numbers of a row of inputs */
+} ManyKernels;
 
 typedef struct {
     const char *name;
@@ -98,59 +97,19 @@ typedef struct {
     const DesignReductions *reductions;
     int (*advance)(MachineRun *);
     void (*place_sliders)(const MachineRun *, const double *, double *);
+    RunKernels run;
+    ManyKernels many;
 } Level;
 
-#define ROW(name, constants, inputs, outputs) {#name, constants, inputs, outputs},
-static const Kernel KERNELS[] = {P3DOF_KERNELS(ROW)};
-#define KERNEL_COUNT ((int)(sizeof KERNELS / sizeof KERNELS[0]))
-
-#define LEVEL(level)                                                                                          \
-    {                                                                                                         \
-        #level, RUNS_##level, all_positive_##level, gather_##level, scatter_##level, gather_three_##level, \
-            scatter_three_##level, scatter_rows_##level, &REDUCTIONS_##level, advance_##level,                \
-            place_sliders_##level                                                                             \
-    }
-#define OF_BASELINE(name, constants, inputs, outputs) name##_baseline,
-static Run *const RUNS_baseline[] = {P3DOF_KERNELS(OF_BASELINE)};
-#if defined(P3DOF_X86_LEVELS)
-#define OF_AVX2(name, constants, inputs, outputs) name##_avx2,
-#define OF_AVX512(name, constants, inputs, outputs) name##_avx512,
-static Run *const RUNS_avx2[] = {P3DOF_KERNELS(OF_AVX2)};
-static Run *const RUNS_avx512[] = {P3DOF_KERNELS(OF_AVX512)};
-static const Level LEVELS[] = {LEVEL(baseline), LEVEL(avx2), LEVEL(avx512)};
+#if defined(__GNUC__) && !defined(_WIN32)
+#define P3DOF_HIDDEN __attribute__((visibility("hidden")))
 #else
-static const Level LEVELS[] = {LEVEL(baseline)};
+#define P3DOF_HIDDEN
 #endif
-
-/* How many of `LEVELS` this CPU and its operating system can run; each includes those below it. */
-static int runnable_levels(void)
-{
-#if defined(P3DOF_X86_LEVELS)
-    __builtin_cpu_init();
-    if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma"))
-        return 1;
-    if (!__builtin_cpu_supports("avx512f") || !__builtin_cpu_supports("avx512dq") ||
-        !__builtin_cpu_supports("avx512vl"))
-        return 2;
-    return 3;
-#else
-    return 1;
+extern P3DOF_HIDDEN const Level p3dof_baseline;
+#if defined(P3DOF_HAS_AVX2)
+extern P3DOF_HIDDEN const Level p3dof_avx2;
 #endif
-}
-
-/* The size of a union is that of its largest member. */
-#define INPUTS(name, constants, inputs, outputs) char name[inputs];
-#define OUTPUTS(name, constants, inputs, outputs) char name[outputs];
-union InputsOfAny {
-    P3DOF_KERNELS(INPUTS)
-};
-union OutputsOfAny {
-    P3DOF_KERNELS(OUTPUTS)
-};
-enum {
-    MOST_INPUTS = sizeof(union InputsOfAny),
-    MOST_OUTPUTS = sizeof(union OutputsOfAny),
-    MOST_COLUMNS = MOST_INPUTS + MOST_OUTPUTS,
-    IN_PLACE_BLOCK = 1024, /* samples without scratch at a time: their margins are still in the cache */
-    RELEASE_GIL = 2000,    /* samples */
-};
+#if defined(P3DOF_HAS_AVX512)
+extern P3DOF_HIDDEN const Level p3dof_avx512;
+#endif

@@ -22,6 +22,7 @@ enum {
     RUN_FAILED,      /* no step is small enough */
     RUN_INTERRUPTED, /* `poll` asked for it */
     RUN_BEYOND,      /* a controller has no answer, or one that needs a second look */
+    RUN_ROWS,        /* the table of its controller has no row for this tick: more are to be given */
 };
 
 enum {
@@ -32,6 +33,15 @@ enum {
 };
 
 enum { STEPS_ADAPTIVE, STEPS_EQUAL };
+
+/* What a controller follows that acts all the time: see follow.h. */
+typedef struct {
+    const double *breaks, *curve; /* ends of the pieces; of each 6 coefficients of y, z, theta, the highest power first */
+    ptrdiff_t pieces, at;         /* at: the piece that was asked for last */
+    double first[3], last[3], duration; /* where the motion rests before and after, and how long it takes [s] */
+    const double *place;          /* constants of the model's kernel of sliders */
+    int forward;                  /* whether the forces of the model are fed forward */
+} Followed;
 
 typedef struct {
     Run *run;
@@ -85,6 +95,7 @@ struct MachineRun {
     double ticks, acted; /* how many there were, and of how many forces have begun to act */
     ptrdiff_t next, kink, at_load;
     int answered, crawled, looked;
+    int trials[2]; /* of whole intervals: see dop853.h */
     double seen[LIMITS], falling[LIMITS], placed[7]; /* if `looked`: margins at t, their rates;
                                                            * sliders 6, the cosine of the singular pose */
     long long evaluations, since_poll;
@@ -92,5 +103,8 @@ struct MachineRun {
     /* What it leaves. */
     double *out; /* ROW numbers a sample */
     ptrdiff_t count;
+    ptrdiff_t room;             /* samples that it holds; zero for all of them */
+    void (*full)(MachineRun *); /* takes `count` samples out, when there is no room for another */
+    double recorded;            /* time of the last sample */
     int index;
 };

@@ -167,9 +167,8 @@ static P3DOF_TARGET void P3DOF_NAME(rate)(MachineRun *m, double t, const double 
         P3DOF_NAME(load_at)(m, t, now + 3);
         push = now;
     }
+    memcpy(rate, y + 3, 3 * sizeof *rate); /* before the kernel: what the next pose needs does not wait for it */
     m->motion(m->motion_constants, y, push, rate + 3);
-    for (int i = 0; i < 3; ++i)
-        rate[i] = y[3 + i];
     if (!(fabs(y[1]) <= DBL_MAX)) /* z does not enter */
         rate[3] = NAN;
 }
@@ -227,10 +226,18 @@ static P3DOF_TARGET double P3DOF_NAME(until)(MachineRun *m)
     return m->kink < m->kink_count && m->kinks[m->kink] < until ? m->kinks[m->kink] : until;
 }
 
+/* Whether a step that ends at a time has samples in it: one at its end belongs to what begins there. */
+static P3DOF_INLINE P3DOF_TARGET int P3DOF_NAME(samples_before)(const MachineRun *m, double t)
+{
+    return m->next < m->samples && m->times[m->next] < t - P3DOF_NAME(slack)(m, t);
+}
+
 static P3DOF_TARGET void P3DOF_NAME(record)(MachineRun *m, double t, const double *y)
 {
+    if (m->room > 0 && m->count == m->room)
+        m->full(m);
     double *row = m->out + ROW * m->count++;
-    row[0] = t;
+    row[0] = m->recorded = t;
     memcpy(row + 1, y, 6 * sizeof *row);
     if (m->period > 0.0)
         memcpy(row + 7, m->held, 6 * sizeof *row);
@@ -250,7 +257,7 @@ static P3DOF_TARGET void P3DOF_NAME(sample_here)(MachineRun *m)
 /* End a run early; where it ended is its last sample. */
 static P3DOF_TARGET int P3DOF_NAME(ended)(MachineRun *m, int status)
 {
-    if (m->count == 0 || m->out[ROW * (m->count - 1)] < m->t)
+    if ((m->count == 0 && m->recorded == 0.0) || m->recorded < m->t)
         P3DOF_NAME(record)(m, m->t, m->y);
     return status;
 }
@@ -268,6 +275,11 @@ static P3DOF_TARGET int P3DOF_NAME(motion_begin)(P3DOF_NAME(motion_solver) * s, 
 {
     const double first = m->step > 0.0 ? fmin(m->step, until - m->t) : 0.0;
     return P3DOF_NAME(motion_start)(s, m, m->t, m->y, until, first, m->rtol, m->atol, m->longest);
+}
+
+static P3DOF_TARGET int P3DOF_NAME(motion_whole)(P3DOF_NAME(motion_solver) * s, MachineRun *m)
+{
+    return P3DOF_NAME(motion_at_once)(s, m, m->trials);
 }
 
 static P3DOF_TARGET int P3DOF_NAME(motion_lost)(const P3DOF_NAME(motion_solver) * s)
@@ -293,6 +305,13 @@ static P3DOF_TARGET int P3DOF_NAME(motion_give_up)(MachineRun *m, double until)
 static P3DOF_TARGET int P3DOF_NAME(equal_begin)(P3DOF_NAME(equal_solver) * s, MachineRun *m, double until)
 {
     return P3DOF_NAME(equal_start)(s, m, m->t, m->y, until, m->longest);
+}
+
+static P3DOF_TARGET int P3DOF_NAME(equal_whole)(P3DOF_NAME(equal_solver) * s, MachineRun *m)
+{
+    (void)s;
+    (void)m;
+    return 0;
 }
 
 static P3DOF_TARGET int P3DOF_NAME(equal_lost)(const P3DOF_NAME(equal_solver) * s)
@@ -325,8 +344,6 @@ static P3DOF_TARGET int P3DOF_NAME(controlled)(MachineRun *m)
         P3DOF_NAME(actuate)(m, m->t, m->y, m->given);
     if (m->drive != DRIVE_CONTROL)
         return 1;
-    if (m->ticks >= (double)m->planned)
-        return 0;
     if (!m->looked)
         P3DOF_NAME(place_sliders)(m, m->y, sliders);
     m->act(m, m->looked ? m->placed : sliders);
@@ -354,6 +371,8 @@ static P3DOF_TARGET int P3DOF_NAME(tick)(MachineRun *m)
             m->answered = 1;
             return RUN_TICK;
         }
+        if (m->drive == DRIVE_CONTROL && m->ticks >= (double)m->planned)
+            return RUN_ROWS;
         if (!P3DOF_NAME(controlled)(m))
             return RUN_BEYOND;
         memcpy(m->late + 6 * ((ptrdiff_t)m->ticks % m->ring), m->given, sizeof m->given);

@@ -3,6 +3,7 @@
  * Defined before: SOLVER(f), the names of dop853.h or rk4.h, which return the same, and of these:
  *
  *   SOLVER(begin)(s, m, until)   start at m->t, m->y; return whether there is a way from there;
+ *   SOLVER(whole)(s, m)          take one step for all, where that is cheaper and good enough; return whether it was;
  *   SOLVER(lost)(s)              whether the last step led nowhere;
  *   SOLVER(next)(s)              length of the next step, for the interval after this one;
  *   SOLVER(give_up)(m, until)    go on where there was no step to take from m->t, m->y.
@@ -88,9 +89,8 @@ static P3DOF_TARGET int SOLVER(short_step_near)(MachineRun *m, const SOLVER(solv
 /* Take the samples up to a time, where a step reaches beyond them: one at a tick belongs to the hold that begins. */
 static P3DOF_TARGET void SOLVER(sample_within)(MachineRun *m, const SOLVER(solver) * s, double last)
 {
-    const double edge = last - P3DOF_NAME(slack)(m, last);
     double y[6];
-    for (; m->next < m->samples && m->times[m->next] < edge; ++m->next) {
+    for (; P3DOF_NAME(samples_before)(m, last); ++m->next) {
         SOLVER(at)(s, m->times[m->next], y);
         P3DOF_NAME(record)(m, m->times[m->next], y);
     }
@@ -110,7 +110,7 @@ static P3DOF_TARGET int SOLVER(look_into)(MachineRun *m, SOLVER(solver) * s)
     const int long_step = s->t - s->t_old > CROSSINGS_CHECKED;
     const int near = long_step || SOLVER(short_step_near)(m, s);
     double when = s->t;
-    if (near || (m->next < m->samples && m->times[m->next] < s->t)) {
+    if (near || P3DOF_NAME(samples_before)(m, s->t)) {
         SOLVER(interpolate)(s, m);
         if (SOLVER(lost)(s))
             return RUN_FAILED;
@@ -132,14 +132,16 @@ static P3DOF_TARGET int SOLVER(interval)(MachineRun *m, double until)
 {
     SOLVER(solver) s;
     int status = DOP853_RUNNING, found = -1;
+    long polled = 0;
 
     if (!SOLVER(begin)(&s, m, until)) {
         m->evaluations += s.evaluations;
         return m->beyond ? RUN_BEYOND : P3DOF_NAME(ended)(m, RUN_FAILED);
     }
+    const int seen = until - m->t > CROSSINGS_CHECKED || P3DOF_NAME(samples_before)(m, until); /* looked into anyway */
+    const int whole = !seen && SOLVER(whole)(&s, m);
     while (found < 0 && status == DOP853_RUNNING) {
-        const long before = s.evaluations;
-        status = SOLVER(step)(&s, m);
+        status = whole ? DOP853_FINISHED : SOLVER(step)(&s, m);
         if (m->beyond)
             found = RUN_BEYOND;
         else if (status == DOP853_FAILED || SOLVER(lost)(&s) || SOLVER(crawls)(m, &s, status))
@@ -149,8 +151,9 @@ static P3DOF_TARGET int SOLVER(interval)(MachineRun *m, double until)
         if (found < 0) {
             m->t = s.t;
             memcpy(m->y, s.y, sizeof m->y);
-            if (P3DOF_NAME(polled)(m, s.evaluations - before))
+            if (P3DOF_NAME(polled)(m, s.evaluations - polled))
                 found = RUN_INTERRUPTED;
+            polled = s.evaluations;
         }
     }
     m->evaluations += s.evaluations;

@@ -1,45 +1,4 @@
-/* `run_many`: the engine of many.h at every level, in wide rows of lanes and in one, called with Python's buffers. */
-
-#define MANY_WIDE 32
-
-/* The same at every level, one lane first: runs of the others go on in it. */
-#define P3DOF_NAME(f) f##_baseline
-#define P3DOF_TARGET
-#include "many_level.h"
-#undef P3DOF_NAME
-#undef P3DOF_TARGET
-
-#if defined(P3DOF_X86_LEVELS)
-#define P3DOF_NAME(f) f##_avx2
-#define P3DOF_TARGET __attribute__((target("avx2,fma")))
-#include "many_level.h"
-#undef P3DOF_NAME
-#undef P3DOF_TARGET
-
-#define P3DOF_NAME(f) f##_avx512
-#if defined(__clang__)
-#define P3DOF_TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma")))
-#else
-#define P3DOF_TARGET __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma,prefer-vector-width=512")))
-#endif
-#include "many_level.h"
-#undef P3DOF_NAME
-#undef P3DOF_TARGET
-#endif
-
-typedef void Many(const Batch *, void *, ptrdiff_t, ptrdiff_t);
-
-typedef struct {
-    Many *single, *wide;
-    size_t single_size, wide_size;
-} ManyLevel;
-
-#define MANY_LEVEL(level) {many_single_##level, many_wide_##level, sizeof(Work_single_##level), sizeof(Work_wide_##level)}
-#if defined(P3DOF_X86_LEVELS)
-static const ManyLevel MANY_LEVELS[] = {MANY_LEVEL(baseline), MANY_LEVEL(avx2), MANY_LEVEL(avx512)};
-#else
-static const ManyLevel MANY_LEVELS[] = {MANY_LEVEL(baseline)};
-#endif
+/* `run_many`: the engine of many.h at a level, in wide rows of lanes or in one, called with Python's buffers. */
 
 /* The settings, in the order of p3dof.closed_form.compiled.many. */
 enum {
@@ -165,7 +124,7 @@ static ptrdiff_t fill_batch(Batch *b, const ManyBuffers *buffers)
     const int64_t *settings = v[GIVEN_SETTINGS].buf;
     const double *numbers = v[GIVEN_NUMBERS].buf;
     const ptrdiff_t ticks = (ptrdiff_t)settings[SETTING_TICKS], steps = v[GIVEN_LENGTHS].len / 8;
-    const ptrdiff_t row = input_rows_single_baseline * 8, runs = v[GIVEN_INPUTS].len / row;
+    const ptrdiff_t row = LEVELS[0]->many.row * 8, runs = v[GIVEN_INPUTS].len / row;
     const int torque = settings[SETTING_KIND] == CONTROL_TORQUE, symmetric = (int)settings[SETTING_MODEL_SYMMETRIC];
     if (steps < 1 || steps > MOST_STEPS) {
         PyErr_Format(PyExc_ValueError, "lengths: expected 1 to %d steps, got %zd", MOST_STEPS, steps);
@@ -239,7 +198,7 @@ static PyObject *run_many(PyObject *module, PyObject *const *args, Py_ssize_t co
     if (!level || wide < 0)
         return NULL;
     const ptrdiff_t runs = take_many(&buffers, args + 2) < 0 ? -1 : fill_batch(&batch, &buffers);
-    const ManyLevel *found = &MANY_LEVELS[level - LEVELS];
+    const ManyKernels *found = &level->many;
     void *room = runs < 0 ? NULL : PyMem_RawMalloc((wide ? found->wide_size : found->single_size) + 64);
     if (runs >= 0 && !room)
         PyErr_NoMemory();

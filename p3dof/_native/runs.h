@@ -1,83 +1,7 @@
 /* `MachineRun`: a run of one machine in time, without Python between its steps. */
 
-#include "follow.h"
+enum { RUN_TABLES = 21, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 10, RUN_GIVEN = 29, RUN_ENDS = 7, MOST_ROWS = 10000 };
 
-enum { RUN_TABLES = 21, RUN_NUMBERS = 23, RUN_LIVE = 13, RUN_SETTINGS = 10, RUN_GIVEN = 29, RUN_ENDS = 7 };
-
-/* Whether the forward kinematics of the sliders gives the platform's pose: on its side of the singular pose, in its turn. */
-static int pose_is_told(const MachineRun *m)
-{
-    return m->looked && m->placed[6] > 0.0 && m->y[2] <= 0x1.921fb5p+0 && m->y[2] > -0x1.2d97c7p+2;
-}
-
-/* What lets a controller of control.h act, in one lane of every level: at a tick, and at any time. */
-#define RUN_CONTROL(level)                                                                           \
-    static void control_tick_##level(MachineRun *m, const double *sliders)                           \
-    {                                                                                                \
-        Control_single_##level *control = m->control;                                                \
-        ControlPath *path = m->path;                                                                 \
-        const ptrdiff_t tick = (ptrdiff_t)m->ticks;                                                  \
-        const double *noise = m->noise;                                                              \
-        path->known = m->exact && pose_is_told(m) ? m->y : NULL;                                     \
-        control_wanted_single_##level(path, control, &tick);                                         \
-        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);       \
-        memcpy(m->given, control->late[0][3], 3 * sizeof(double));                                   \
-        memcpy(m->given + 3, control->late[0][0], 3 * sizeof(double));                               \
-    }                                                                                                \
-    static void control_follow_##level(MachineRun *m, double t, const double *sliders, double *forces) \
-    {                                                                                                \
-        Control_single_##level *control = m->control;                                                \
-        const ControlPath *path = m->path;                                                           \
-        Followed *followed = m->followed;                                                            \
-        const ptrdiff_t tick = 0;                                                                    \
-        const double *noise = NULL;                                                                  \
-        double goal[9][1], at[10][1];                                                                \
-        followed_at(followed, t, goal[0]);                                                           \
-        if (path->kind == CONTROL_TORQUE) {                                                          \
-            memcpy(control->goal, goal, sizeof goal);                                                \
-            memset(control->integral, 0, sizeof control->integral); /* perhaps NaN after a trial */  \
-        }                                                                                            \
-        else {                                                                                       \
-            lane_place_single_##level((const double(*)[1])followed->place, (const double(*)[1])goal, at); \
-            memcpy(control->wanted, at, sizeof control->wanted);                                     \
-            memcpy(control->rate, at + 3, sizeof control->rate);                                     \
-            if (followed->forward)                                                                   \
-                control_inverse_single_##level(path, (const double(*)[1])goal, control->base);       \
-        }                                                                                            \
-        control_act_single_##level(path, control, &tick, &noise, (const double(*)[1])sliders);       \
-        memcpy(forces, control->late[0][3], 3 * sizeof(double));                                     \
-        memcpy(forces + 3, control->late[0][0], 3 * sizeof(double));                                 \
-    }
-RUN_CONTROL(baseline)
-#if defined(P3DOF_X86_LEVELS)
-RUN_CONTROL(avx2)
-RUN_CONTROL(avx512)
-static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline, control_tick_avx2,
-                                                                      control_tick_avx512};
-static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, double *) = {
-    control_follow_baseline, control_follow_avx2, control_follow_avx512};
-#else
-static void (*const CONTROL_TICKS[])(MachineRun *, const double *) = {control_tick_baseline};
-static void (*const CONTROL_FOLLOWS[])(MachineRun *, double, const double *, double *) = {control_follow_baseline};
-#endif
-
-/* The kernels of a run in one lane of every level. */
-enum { MOTIONS = 4 };
-typedef struct {
-    Motion *motions[MOTIONS];
-    Lane *place, *watch;
-} RunKernels;
-#define RUN_KERNELS(level)                                                                                       \
-    {                                                                                                            \
-        {lane_motion_apart_single_##level, lane_motion_symmetric_apart_single_##level,                           \
-         lane_motion_with_friction_apart_single_##level, lane_motion_with_friction_symmetric_apart_single_##level}, \
-            lane_place_single_##level, lane_limits_single_##level                                                \
-    }
-#if defined(P3DOF_X86_LEVELS)
-static const RunKernels RUN_LEVELS[] = {RUN_KERNELS(baseline), RUN_KERNELS(avx2), RUN_KERNELS(avx512)};
-#else
-static const RunKernels RUN_LEVELS[] = {RUN_KERNELS(baseline)};
-#endif
 static const struct {
     const char *name;
     int constants;
@@ -92,8 +16,12 @@ typedef struct {
     const Level *level;
     double *tables[RUN_TABLES];
     ControlPath path;
-    Control_single_baseline control;
+    OneControl control;
     Followed followed;
+    MachineRun first; /* where it begins, for runs from elsewhere by the same tables */
+    OneControl first_control;
+    PyObject *drain; /* what takes the samples when there is no room; likewise */
+    int spilt;       /* whether it raised */
     PyThreadState *saved;
     PyObject *told; /* what `poll` calls; borrowed from the caller of `advance` */
     int busy;
@@ -122,7 +50,7 @@ static int poll_python(MachineRun *run)
 {
     RunObject *self = (RunObject *)((char *)run - offsetof(RunObject, run));
     PyEval_RestoreThread(self->saved);
-    int stop = PyErr_CheckSignals() < 0;
+    int stop = self->spilt || PyErr_CheckSignals() < 0;
     if (!stop && self->told) {
         PyObject *found = PyObject_CallFunction(self->told, "n", (Py_ssize_t)run->next);
         stop = !found;
@@ -132,20 +60,44 @@ static int poll_python(MachineRun *run)
     return stop;
 }
 
-static PyObject *Run_advance(PyObject *object, PyObject *told)
+/* Let Python take the rows that there are; what it raises ends the run at its next look. */
+static void drain_python(MachineRun *run)
+{
+    RunObject *self = (RunObject *)((char *)run - offsetof(RunObject, run));
+    if (!self->spilt) {
+        PyEval_RestoreThread(self->saved);
+        PyObject *found = NULL;
+        if (self->drain)
+            found = PyObject_CallFunction(self->drain, "n", (Py_ssize_t)run->count);
+        else
+            PyErr_SetString(PyExc_ValueError, "advance: so many samples need a drain");
+        self->spilt = !found;
+        Py_XDECREF(found);
+        self->saved = PyEval_SaveThread();
+    }
+    run->since_poll = self->spilt ? POLL_AFTER : run->since_poll;
+    run->count = 0;
+}
+
+static PyObject *Run_advance(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     RunObject *self = (RunObject *)object;
+    if (count < 1 || count > 2) {
+        PyErr_SetString(PyExc_TypeError, "advance: expected told, and perhaps drain");
+        return NULL;
+    }
     if (self->busy) {
         PyErr_SetString(PyExc_RuntimeError, "this run is already going on");
         return NULL;
     }
     self->busy = 1;
-    self->told = told == Py_None ? NULL : told;
+    self->told = args[0] == Py_None ? NULL : args[0];
+    self->drain = count < 2 || args[1] == Py_None ? NULL : args[1];
     self->saved = PyEval_SaveThread();
     const int status = self->level->advance(&self->run);
     PyEval_RestoreThread(self->saved);
     self->busy = 0;
-    return status == RUN_INTERRUPTED ? NULL : PyLong_FromLong(status);
+    return status == RUN_INTERRUPTED || self->spilt ? NULL : PyLong_FromLong(status);
 }
 
 /* Take a writable buffer of doubles of a length. */
@@ -196,6 +148,64 @@ static PyObject *Run_hold(PyObject *object, PyObject *forces)
     if (self->run.period == 0.0)
         memcpy(self->run.held, found, 6 * sizeof *found);
     PyMem_Free(found);
+    Py_RETURN_NONE;
+}
+
+/* Begin again, elsewhere: pose 3, velocity 3, and on which side of the singular pose, 1 or -1. */
+static PyObject *Run_begin(PyObject *object, PyObject *start)
+{
+    RunObject *self = (RunObject *)object;
+    Py_ssize_t length;
+    double *found = copy_doubles(start, "the start, argument", 7, &length);
+    if (!found)
+        return NULL;
+    if (self->busy || self->path.first) {
+        PyErr_SetString(PyExc_RuntimeError, "this run is going on, or its first rows are gone");
+        PyMem_Free(found);
+        return NULL;
+    }
+    self->run = self->first;
+    self->control = self->first_control;
+    self->followed.at = 0;
+    self->spilt = 0;
+    memset(self->run.late, 0, (size_t)self->run.ring * 6 * sizeof(double));
+    memcpy(self->run.y, found, sizeof self->run.y);
+    self->run.sign[LIMITS - 1] = found[6];
+    PyMem_Free(found);
+    Py_RETURN_NONE;
+}
+
+/* Take the rows of the controller's table, and of its noise, that come next. */
+static PyObject *Run_rows(PyObject *object, PyObject *args)
+{
+    RunObject *self = (RunObject *)object;
+    PyObject *parts[2];
+    double *found[2] = {NULL, NULL};
+    Py_ssize_t lengths[2] = {0, 0};
+    if (!PyArg_ParseTuple(args, "OO:rows", &parts[0], &parts[1]))
+        return NULL;
+    for (int k = 0; k < 2; ++k)
+        if (!(found[k] = copy_doubles(parts[k], "the rows, one", -1, &lengths[k]))) {
+            PyMem_Free(found[0]);
+            return NULL;
+        }
+    const int rows = self->path.table != NULL;
+    const Py_ssize_t count = rows ? lengths[0] / 9 : lengths[1] / 6;
+    if (self->busy || count < 1 || lengths[0] != (rows ? 9 * count : 0) ||
+        (self->path.noisy && lengths[1] != 6 * count)) {
+        PyErr_SetString(PyExc_ValueError, "rows: expected nine numbers a tick, and six of noise if there is some");
+        PyMem_Free(found[0]);
+        PyMem_Free(found[1]);
+        return NULL;
+    }
+    for (int k = 0; k < 2; ++k) {
+        PyMem_Free(self->tables[11 + k]);
+        self->tables[11 + k] = found[k];
+    }
+    self->path.table = rows ? found[0] : NULL;
+    self->run.noise = found[1];
+    self->path.first = self->run.planned;
+    self->run.planned += count;
     Py_RETURN_NONE;
 }
 
@@ -304,8 +314,8 @@ static int set_controller(RunObject *self, const Py_ssize_t *lengths)
     m->noise = tables[3];
     m->path = path;
     m->control = &self->control;
-    m->act = CONTROL_TICKS[self->level - LEVELS];
-    m->follow = CONTROL_FOLLOWS[self->level - LEVELS];
+    m->act = self->level->run.act;
+    m->follow = self->level->run.follow;
     return 0;
 }
 
@@ -352,7 +362,7 @@ static Bound bound_kernel(const Level *level, const Kernel *kernel)
 static int fill_run(RunObject *self, int motion, PyObject *tables, PyObject *numbers)
 {
     const Kernel *limits = own_kernel("limits");
-    const RunKernels *kernels = &RUN_LEVELS[self->level - LEVELS];
+    const RunKernels *kernels = &self->level->run;
     Py_ssize_t expected[RUN_TABLES], lengths[RUN_TABLES], count;
 
     if (!PyTuple_Check(tables) || PyTuple_GET_SIZE(tables) != RUN_TABLES) {
@@ -385,9 +395,13 @@ static int fill_run(RunObject *self, int motion, PyObject *tables, PyObject *num
     if (make_ring(&self->run) < 0 || set_controller(self, lengths) < 0)
         return -1;
     self->run.poll = poll_python;
-    self->run.out = PyMem_Malloc((size_t)(self->run.samples + 1) * ROW * sizeof(double));
+    self->run.full = drain_python;
+    self->run.room = self->run.samples < MOST_ROWS ? 0 : MOST_ROWS;
+    self->run.out = PyMem_Malloc((size_t)((self->run.room ? self->run.room : self->run.samples + 1) * ROW) * sizeof(double));
     if (!self->run.out)
         PyErr_NoMemory();
+    self->first = self->run;
+    self->first_control = self->control;
     return self->run.out ? 0 : -1;
 }
 
@@ -450,17 +464,25 @@ PyDoc_STRVAR(Run_doc,
              "TypeError\n    If something is not a buffer of doubles.\n"
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
 
-PyDoc_STRVAR(advance_doc, "advance(told, /)\n--\n\n"
+PyDoc_STRVAR(advance_doc, "advance(told, drain=None, /)\n--\n\n"
                           "Go on; return 0 at the end, 1 where forces are to be held, 2 at a limit, 3 where no step is "
-                          "small enough, 5 where the controller has no answer. `told`, or None, is called with the "
-                          "number of samples every now and then.");
+                          "small enough, 5 where the controller has no answer, 6 where it needs `rows`. `told`, or "
+                          "None, is called with the number of samples every now and then; `drain` with the number "
+                          "of rows that `samples` writes now, when there is no room for more: then they are forgotten.");
 PyDoc_STRVAR(hold_doc, "hold(forces, /)\n--\n\nTake the forces of A, B, C, and those asked for, 6.");
 PyDoc_STRVAR(live_doc, "live(into, /)\n--\n\nWrite time, pose 3, velocity 3, sliders 3 and their velocities 3.");
 PyDoc_STRVAR(samples_doc,
              "samples(into, /)\n--\n\nWrite `count` rows of 13: time, pose, velocity, forces, forces asked for.");
 
+PyDoc_STRVAR(begin_doc,
+             "begin(start, /)\n--\n\nBegin again by the same tables: pose 3, velocity 3, the sign of the last limit, 7.");
+PyDoc_STRVAR(rows_doc, "rows(table, noise, /)\n--\n\nTake the rows of the controller that come next, where `advance` "
+                       "returned 6; none for no noise.");
+
 static PyMethodDef Run_methods[] = {
-    {"advance", Run_advance, METH_O, advance_doc},
+    {"begin", Run_begin, METH_O, begin_doc},
+    {"rows", Run_rows, METH_VARARGS, rows_doc},
+    {"advance", (PyCFunction)(void (*)(void))Run_advance, METH_FASTCALL, advance_doc},
     {"hold", Run_hold, METH_O, hold_doc},
     {"live", Run_live, METH_O, live_doc},
     {"samples", Run_samples, METH_O, samples_doc},

@@ -1,4 +1,4 @@
-/* `Sample`: a kernel of one sample, from small arrays or lists of numbers into an array. */
+/* `Sample`: a kernel of one sample, from small arrays or lists of numbers into an array; or of some rows of samples. */
 
 typedef struct {
     int length; /* numbers of an argument */
@@ -23,6 +23,8 @@ typedef struct {
     Argument arguments[MOST_ARGUMENTS];
     Entry entries[MOST_ENTRIES];
     int argument_count, entry_count, dimensions;
+    int in_order; /* whether the entries are the first three outputs, as they come */
+    const Level *level;
     Py_ssize_t sizes[2];
     int taken[MOST_INPUTS];
     const char *kernel_name, *level_name;
@@ -72,13 +74,19 @@ static int read_sequence(PyObject *given, int length, double *numbers)
     return 1;
 }
 
+/* Whether an object lends its numbers: not if its class was written in Python, where a mask may hide some of them. */
+static int lends_numbers(PyObject *given)
+{
+    return PyObject_CheckBuffer(given) && !PyType_HasFeature(Py_TYPE(given), Py_TPFLAGS_HEAPTYPE);
+}
+
 /* Read an array of doubles; 0 if it is something else. */
 static int read_array(PyObject *given, int length, double *numbers, Range *range)
 {
     Py_buffer view;
     int good = 0;
 
-    if (!PyObject_CheckBuffer(given))
+    if (!lends_numbers(given))
         return 0;
     if (PyObject_GetBuffer(given, &view, PyBUF_RECORDS_RO) < 0) {
         PyErr_Clear();
@@ -155,6 +163,177 @@ static int write_entries(const Sample *self, PyObject *array, const double *outp
     return good;
 }
 
+/* Some rows of samples at once */
+
+/* The numbers of an argument: of every sample, or one row for all of them. */
+typedef struct {
+    const double *data;
+    ptrdiff_t step; /* from a row to the next, in doubles; 0: for all of them */
+    double own[MOST_NUMBERS];
+} Rows;
+
+static int has_doubles(const Py_buffer *view, int dimensions)
+{
+    const ptrdiff_t size = sizeof(double);
+    return view->ndim == dimensions && is_double(view) && (uintptr_t)view->buf % sizeof(double) == 0 &&
+           view->strides[0] % size == 0 && (view->shape[dimensions - 1] == 1 || view->strides[dimensions - 1] == size);
+}
+
+/* Whether all numbers of an argument are finite, where the kernel's margin would not tell: where it reads not all. */
+static int all_finite(const Argument *argument, const Rows *rows, Py_ssize_t count)
+{
+    if (rows->step && argument->count == argument->length)
+        return 1;
+    for (Py_ssize_t row = 0; row < (rows->step ? count : 1); ++row)
+        for (int i = 0; i < argument->length; ++i)
+            if (!isfinite(rows->data[row * rows->step + i]))
+                return 0;
+    return 1;
+}
+
+/* Take all arguments; 0 if one is neither rows of doubles, as many as the others have, nor a row for all. */
+static int take_rows(const Sample *self, PyObject *const *given, Rows *rows, Range *ranges, Py_buffer *views, int *held,
+                     Py_ssize_t *count)
+{
+    for (int k = 0; k < self->argument_count; ++k) {
+        const int length = self->arguments[k].length;
+        Py_buffer *view = &views[*held];
+        ranges[k].low = ranges[k].high = 0;
+        rows[k].step = 0;
+        rows[k].data = rows[k].own;
+        if (read_sequence(given[k], length, rows[k].own) || read_array(given[k], length, rows[k].own, &ranges[k]))
+            continue;
+        if (!lends_numbers(given[k]))
+            return 0;
+        if (PyObject_GetBuffer(given[k], view, PyBUF_RECORDS_RO) < 0) {
+            PyErr_Clear();
+            return 0;
+        }
+        ++*held;
+        if (!has_doubles(view, 2) || view->shape[1] != length || view->shape[0] < 1 || view->shape[0] > RELEASE_GIL ||
+            (*count && view->shape[0] != *count))
+            return 0;
+        *count = view->shape[0];
+        rows[k].data = view->buf;
+        rows[k].step = view->strides[0] / (ptrdiff_t)sizeof(double);
+        if (rows[k].step == 0)
+            memcpy(rows[k].own, view->buf, (size_t)length * sizeof(double));
+        ranges[k] = range_of(view);
+    }
+    for (int k = 0; k < self->argument_count; ++k)
+        if (!all_finite(&self->arguments[k], &rows[k], *count))
+            return 0;
+    return *count > 0;
+}
+
+static void gather_rows(const Sample *self, const Rows *rows, Py_ssize_t start, Py_ssize_t now, double *scratch)
+{
+    for (int k = 0; k < self->argument_count; ++k) {
+        const Argument *argument = &self->arguments[k];
+        const double *from = rows[k].data + start * rows[k].step;
+        double *to = scratch + argument->first * LINE;
+        const int *taken = &self->taken[argument->first];
+        if (rows[k].step == 3 && argument->count == 3 && taken[0] == 0 && taken[1] == 1 && taken[2] == 2)
+            self->level->gather_three(now, from, to, LINE);
+        else
+            for (int i = 0; i < argument->count; ++i)
+                self->level->gather(now, from + taken[i], rows[k].step, to + i * LINE);
+    }
+}
+
+static void scatter_entries(const Sample *self, Py_ssize_t now, const double *outputs, double *to)
+{
+    if (self->in_order) {
+        self->level->scatter_three(now, outputs, LINE, to);
+        return;
+    }
+    for (int k = 0; k < self->entry_count; ++k) {
+        const Entry *entry = &self->entries[k];
+        if (entry->output < 0)
+            for (Py_ssize_t row = 0; row < now; ++row)
+                to[row * self->entry_count + k] = entry->value;
+        else
+            self->level->scatter(now, outputs + entry->output * LINE, to + k, self->entry_count);
+    }
+}
+
+/* Whether every sample is clearly good; what has been written is not to be used otherwise. */
+static int compute_rows(const Sample *self, const Rows *rows, Py_ssize_t count, double *to)
+{
+    const int inputs = self->kernel->inputs, outputs = self->kernel->outputs;
+    const double *in[MOST_INPUTS];
+    double *out[MOST_OUTPUTS], room[MOST_COLUMNS * LINE + CACHE_LINE];
+    double *scratch = room + CACHE_LINE - (uintptr_t)room / sizeof(double) % CACHE_LINE;
+
+    for (int k = 0; k < inputs; ++k)
+        in[k] = scratch + k * LINE;
+    for (int k = 0; k < outputs; ++k)
+        out[k] = scratch + (inputs + k) * LINE;
+    for (Py_ssize_t start = 0; start < count; start += BLOCK) {
+        const Py_ssize_t now = count - start < BLOCK ? count - start : BLOCK;
+        gather_rows(self, rows, start, now, scratch);
+        self->run(now, self->constants, in, out);
+        if (!self->level->all_positive(now, out[outputs - 1]))
+            return 0;
+        scatter_entries(self, now, out[0], to + start * self->entry_count);
+    }
+    return 1;
+}
+
+/* Whether an array has room for rows of results, in the order of C, apart from what they are computed from. */
+static int fits_rows(const Sample *self, const Py_buffer *view, Py_ssize_t count, const Range *ranges)
+{
+    if (view->readonly || !has_doubles(view, 1 + self->dimensions) || view->shape[0] != count ||
+        !PyBuffer_IsContiguous(view, 'C'))
+        return 0;
+    for (int k = 0; k < self->dimensions; ++k)
+        if (view->shape[1 + k] != self->sizes[k])
+            return 0;
+    const Range range = range_of(view);
+    for (int k = 0; k < self->argument_count; ++k)
+        if (range.low < ranges[k].high && ranges[k].low < range.high)
+            return 0;
+    return 1;
+}
+
+static PyObject *new_rows(const Sample *self, Py_ssize_t count)
+{
+    PyObject *shape = self->dimensions == 1 ? Py_BuildValue("(nn)", count, self->sizes[0])
+                                            : Py_BuildValue("(nnn)", count, self->sizes[0], self->sizes[1]);
+    PyObject *array = shape ? PyObject_CallOneArg(self->empty, shape) : NULL;
+    Py_XDECREF(shape);
+    return array;
+}
+
+/* The results of rows in an array; None where somebody must look closer, NULL after an error. */
+static PyObject *run_rows(const Sample *self, PyObject *out, PyObject *const *given)
+{
+    Rows rows[MOST_ARGUMENTS];
+    Range ranges[MOST_ARGUMENTS];
+    Py_buffer views[MOST_ARGUMENTS], room;
+    PyObject *array = NULL;
+    Py_ssize_t count = 0;
+    int held = 0, good = 0;
+
+    if (take_rows(self, given, rows, ranges, views, &held, &count)) {
+        array = out == Py_None ? new_rows(self, count) : Py_NewRef(out);
+        if (array && PyObject_CheckBuffer(array)) {
+            if (PyObject_GetBuffer(array, &room, PyBUF_RECORDS) == 0) {
+                good = fits_rows(self, &room, count, ranges) && compute_rows(self, rows, count, room.buf);
+                PyBuffer_Release(&room);
+            }
+            else
+                PyErr_Clear();
+        }
+    }
+    for (int k = 0; k < held; ++k)
+        PyBuffer_Release(&views[k]);
+    if (good || PyErr_Occurred())
+        return array;
+    Py_XDECREF(array);
+    Py_RETURN_NONE;
+}
+
 static PyObject *Sample_vectorcall(PyObject *callable, PyObject *const *args, size_t flagged, PyObject *names)
 {
     Sample *self = (Sample *)callable;
@@ -167,7 +346,7 @@ static PyObject *Sample_vectorcall(PyObject *callable, PyObject *const *args, si
         return PyErr_Format(PyExc_TypeError, "%s takes an array or None and %d arguments, by position",
                             self->kernel->name, self->argument_count);
     if (!read_arguments(self, args + 1, numbers, ranges))
-        Py_RETURN_NONE;
+        return run_rows(self, args[0], args + 1);
     for (int k = 0; k < self->kernel->inputs; ++k)
         in[k] = &numbers[k];
     for (int k = 0; k < self->kernel->outputs; ++k)
@@ -248,6 +427,9 @@ static int take_layout(Sample *self, PyObject *arguments, PyObject *entries, PyO
     for (Py_ssize_t k = 0; k < PyTuple_GET_SIZE(entries); ++k)
         if (take_entry(self, PyTuple_GET_ITEM(entries, k)) < 0)
             return -1;
+    self->in_order = self->entry_count == 3;
+    for (int k = 0; k < self->entry_count; ++k)
+        self->in_order &= self->entries[k].output == k;
     return count == self->kernel->inputs ? take_shape(self, shape) : -1;
 }
 
@@ -269,6 +451,7 @@ static PyObject *Sample_new(PyTypeObject *type, PyObject *args, PyObject *keywor
         return NULL;
     self->vectorcall = Sample_vectorcall;
     self->run = level->runs[kernel - KERNELS];
+    self->level = level;
     self->kernel = kernel;
     self->kernel_name = kernel->name;
     self->level_name = level->name;
@@ -304,6 +487,8 @@ PyDoc_STRVAR(Sample_doc,
              "None, and has written nothing, if a row is no array of doubles, list or tuple of floats of the right\n"
              "length, if a number is not finite, if the margin is not > 0, or if `out` does not fit, is read-only or\n"
              "lies among the memory of a row: whoever calls then finds out which of these, and what to do.\n\n"
+             "Arrays of doubles of up to 2000 rows, all of as many, are that many samples, and so has the result rows;\n"
+             "a single row beside them is for all. After None, what `out` had is then lost.\n\n"
              "Parameters\n----------\n"
              "kernel : str\n    One of `kernels`.\n"
              "level : str\n    One of `levels`.\n"

@@ -13,17 +13,7 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def headers(package: Path = PACKAGE) -> list[Path]:
-    """Return the files that the extension includes.
-
-    Parameters
-    ----------
-    package : Path
-        The folder of p3dof.
-
-    Returns
-    -------
-    list of Path
-    """
+    """Return the files that the extension includes."""
     places = ("_native", "_native/generated", "_base/integrators", "_base/tracing")
     return sorted(header for place in places for header in (package / place).glob("*.h"))
 
@@ -31,37 +21,19 @@ def headers(package: Path = PACKAGE) -> list[Path]:
 def fingerprint(package: Path = PACKAGE) -> int | None:
     """Return 63 bits that tell the sources of the extension from others.
 
-    Parameters
-    ----------
-    package : Path
-        The folder of p3dof.
-
-    Returns
-    -------
-    int or None
-        None where the sources are not there, as in a wheel.
+    None where the sources are not there, as in a wheel.
     """
-    source = package / "_native/_compiled.c"
-    if not source.is_file():
+    sources = sorted((package / "_native").glob("*.c"))
+    if not sources:
         return None
     found = hashlib.blake2b(digest_size=8)
-    for file in (source, *headers(package)):
+    for file in (*sources, *headers(package)):
         found.update(file.read_bytes().replace(b"\r\n", b"\n"))
     return int.from_bytes(found.digest(), "big") >> 1
 
 
 def is_cut_off(library: Path) -> bool:
-    """Return whether a shared library ends before it says: to load it would end the process (SIGBUS).
-
-    Parameters
-    ----------
-    library : Path
-        The file. Only ELF, the format of Linux, can be told: its last table is at the end.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a shared library ends before it says: to load it would end the process (SIGBUS)."""
     try:
         with library.open("rb") as file:
             head = file.read(64)

@@ -1,17 +1,8 @@
-"""What acts in a machine, where it can work and how well, also when it is not what its drawings say."""
+"""Energy, joint reactions, workspace, indices, load-dependent friction, design tables, tolerances.
 
-import lazy_loader
+Each name is imported when it is first used.
+"""
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [
-        "designs",
-        "energy",
-        "indices",
-        "load_friction",
-        "reactions",
-        "sampling",
-        "tolerances",
-        "workspace",
-    ],
-)
+from p3dof._base import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

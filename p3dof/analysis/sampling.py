@@ -15,39 +15,34 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
+from p3dof._base.time_series.smoothing import between_samples
 from p3dof.analysis.energy import imbalance, work_given
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import singularity
 from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, states_over
-from p3dof.machine.motion.splines import between_samples
 from p3dof.machine.parameters import LEGS, Parameters
 from p3dof.methods import InverseDynamics
 from p3dof.methods.compiled import CompiledMethod
-from p3dof.methods.crossings import crossing_told, crossings_of
+from p3dof.methods.solution import crossing_told, crossings_of
 
 COARSE = 1e-3
 """Share by which a number may change with more samples, and the work may miss the energy, without a word."""
 
-SETTLED = 0.3 * COARSE
-"""Share by which twice as many samples may change a number for them to suffice."""
+SETTLED = 0.3 * COARSE  # share by which twice as many samples may change a number for them to suffice
 
 FEWEST, MANY, MOST = 200, 4_000, 20_000
 """Steps that `refined` begins with, that are enough for any smooth curve, and that it never goes beyond."""
 
-_PARTS = 4
-"""Into how many parts steps are divided even where there are many: more would follow the noise of poses."""
+_PARTS = 4  # into how many parts all steps are divided: more would follow the noise of poses
 
-_JUMP = 8.0
-"""How many times larger than near steps a change of the acceleration is that counts as a jump."""
+_JUMP = 8.0  # how many times larger than near steps a change of the acceleration is that counts as a jump
 
 _SMALL, _TINY = 1e-2, 1e-9
 """Shares of the largest number of its kind below which one is held to that only, and absolutely [SI]."""
 
-_ENDS = ("lowest force", "highest force")
-"""Numbers that are held to the larger one of the two."""
+_ENDS = ("lowest force", "highest force")  # numbers that are held to the larger one of the two
 
-_TOLD = 3
-"""Numbers that a warning names: those that are furthest off."""
+_TOLD = 3  # numbers that a warning names: those that are furthest off
 
 _UNITS = {"force": "N", "speed": "m/s", "power": "W", "work": "J"}
 
@@ -56,22 +51,7 @@ Loads = Mapping[str, FloatArray]
 
 
 def refined(parameters: Parameters, motion: Motion, wrench: WrenchOverTime) -> Motion:
-    """Return a motion with as many samples as its peaks and its work need; see `Manipulator.refined`.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    motion : Motion
-        The motion of the platform.
-    wrench : array-like, shape (6,) or (N, 6), or callable, optional
-        External load.
-
-    Returns
-    -------
-    Motion
-        Of a motion that the machine cannot make, no more samples than to begin with.
-    """
+    """Return a motion with as many samples as peaks and work need; no more if the machine cannot make it."""
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     steps = len(motion) - 1
@@ -100,27 +80,13 @@ def refined(parameters: Parameters, motion: Motion, wrench: WrenchOverTime) -> M
 def warnings_about(
     parameters: Parameters, result: InverseDynamics, wrench: WrenchOverTime = None
 ) -> tuple[str, ...]:
-    """Return what a reader of forces should know, one sentence each; see `InverseDynamics.warnings`.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    result : InverseDynamics
-        The forces over a motion.
-    wrench : WrenchHistory, optional
-        The load where it is known between the samples too.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Return what a reader of forces should know, one sentence each; see `InverseDynamics.warnings`."""
     count, invalid = len(result.time), int((~result.valid).sum())
     found = [crossing_told(time) for time in result.crossings]
     if invalid:
         found.append(
-            f"{invalid} of {count} samples are invalid and left NaN: what it takes there is unknown, "
-            "so that no peak is told"
+            f"{invalid} of {count} samples are invalid and left NaN: forces there are unknown, "
+            "so that no peak is reported"
         )
     found += remarks_on(parameters, result, wrench)
     found += [f"limit exceeded: {exceedance}" for exceedance in result.exceedances(parameters.limits)]
@@ -130,17 +96,7 @@ def warnings_about(
 def remarks_on(
     parameters: Parameters, result: InverseDynamics, wrench: WrenchOverTime = None
 ) -> tuple[str, ...]:
-    """Return what there is to know about poses from a file, and about samples that are too few.
-
-    Parameters
-    ----------
-    parameters, result, wrench
-        As for `warnings_about`.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Return what there is to know about poses from a file, and about samples that are too few."""
     motion = result.motion
     found = list(motion.remarks())
     if not result.possible or len(motion) < 2:
@@ -151,27 +107,12 @@ def remarks_on(
     if missed > COARSE * scale:
         doubts.append(f"work and energy differ by {missed:.3g} J, where {scale:.4g} J move")
     if doubts:
-        found.append(f"the samples are too coarse: {'; '.join(doubts)}")
+        found.append(f"the motion is undersampled: {'; '.join(doubts)}")
     return tuple(found)
 
 
 def loads_at(kernels: MachineKernels, motion: Motion, load: WrenchHistory) -> Loads | None:
-    """Return the numbers that a drive is sized by.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
-    motion : Motion
-        Its motion, two samples or more.
-    load : WrenchHistory
-        The external load.
-
-    Returns
-    -------
-    mapping of str to ndarray, shape (3,), or None
-        None if the machine cannot make the motion.
-    """
+    """Return the numbers that a drive is sized by; mapping of str to ndarray, shape (3,), or None."""
     pose, velocity, time = motion.pose, motion.velocity, motion.time
     actuation = singularity(kernels.parameters.geometry, pose).actuation
     states, dynamics = states_over(motion, load(time), "nan"), CompiledMethod(kernels)
@@ -223,7 +164,7 @@ def _between(kernels: MachineKernels, motion: Motion, load: WrenchHistory) -> li
         finer = _interpolated(motion, parts)
     more = [loads_at(kernels, one, load) for one in finer]
     if any(one is None for one in more):
-        return ["between them, the motion leaves what the machine can do"]
+        return ["between them, the motion leaves the range of the machine"]
     return _changes(known, [one for one in more if one is not None], COARSE)
 
 

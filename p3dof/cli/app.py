@@ -1,14 +1,19 @@
-"""The program: its group of commands, and its exit codes."""
+"""The program: its group of commands, its exit codes, and letters on any terminal."""
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
+import re
 import sys
+import textwrap
+import unicodedata
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib import import_module
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +28,6 @@ from p3dof._base.errors import (
     P3dofError,
     SampleError,
 )
-from p3dof.cli.encoding import spelled, write_what_is_there
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
 """Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
@@ -33,41 +37,61 @@ for a program that SIGINT or SIGPIPE ended."""
 _CANNOT = (SampleError, AssemblyError, DynamicsError, OptimisationError)
 """What is no fault of the input: the machine cannot do it."""
 
+_ROOM, _HEADING = 78, 10
+"""Width of a help that has headings beside its commands, and of these headings [characters]."""
+
 LONGEST = 1000
 """Longest message in an error's line [characters]."""
 
 
 COMMANDS = {
-    "balance": ("p3dof.cli.balance", "Find the balance that spares the actuators most."),
-    "bearings": ("p3dof.cli.bearings", "Say how long bearings live, and if rods are safe."),
-    "codegen": ("p3dof.cli.codegen", "Write C99 for a controller."),
-    "compare": ("p3dof.cli.compare", "Compute the forces by both methods, and compare them."),
-    "compare-designs": ("p3dof.cli.compare_designs", "Put a few machines, or tasks, side by side."),
-    "designs": ("p3dof.cli.designs", "Compare many machines over one motion, from a table."),
-    "energy": ("p3dof.cli.energy", "Say what moves most, and what the drives must do."),
-    "export": ("p3dof.cli.export", "Write the model for other tools, with its loops."),
-    "fastest": ("p3dof.cli.plan", "Find the fastest motion of a task within the limits."),
-    "forces": ("p3dof.cli.forces", "Compute the forces over a motion by one method."),
-    "indices": ("p3dof.cli.indices", "Say how well the machine moves and holds at poses."),
-    "loop": ("p3dof.cli.loop", "Assemble, weigh and move any robot with closed loops."),
-    "optimise": ("p3dof.cli.optimise", "Find a better machine, and say what binds it."),
-    "pareto": ("p3dof.cli.optimise", "Find the machines that no other one beats."),
-    "plan": ("p3dof.cli.plan", "Plan the motion of a task, and say what it takes."),
-    "plots": ("p3dof.cli.plots", "Draw all figures of a motion."),
-    "reactions": ("p3dof.cli.reactions", "Compute forces and moments in all joints."),
-    "report": ("p3dof.cli.report", "Say if a machine fits a task; tell all about a motion."),
-    "runs": ("p3dof.cli.runs", "Run many machines in time, from a table."),
-    "sensitivity": ("p3dof.cli.tolerance", "Say which parameters the forces depend on."),
-    "show": ("p3dof.cli.show", "Show the machine and its forces in the browser."),
-    "simulate": ("p3dof.cli.simulate", "Follow a motion under controllers, in time."),
-    "size": ("p3dof.cli.size", "Say which drives fit a task."),
-    "studio": ("p3dof.cli.studio", "Write a page with maps of indices, and designs."),
-    "sweep": ("p3dof.cli.sweep", "Compute machines by the million, in blocks."),
-    "tolerance": ("p3dof.cli.tolerance", "Say how uncertain forces and poses are."),
-    "urdf": ("p3dof.cli.export", "Write the URDF, its loops and its actuated joints."),
-    "workspace": ("p3dof.cli.workspace", "Say where the machine can work; draw maps."),
+    "Start": {
+        "init": ("p3dof.cli.start", "Write files of a machine, motion, task and drives."),
+        "doctor": ("p3dof.cli.doctor", "Check the installation: kernels, extras, tools."),
+        "completion": ("p3dof.cli.doctor", "Print the shell completion: bash, zsh or fish."),
+    },
+    "Forces": {
+        "compare": ("p3dof.cli.forces", "Compare the actuator forces of both methods."),
+        "forces": ("p3dof.cli.forces", "Compute the actuator forces over a motion."),
+        "energy": ("p3dof.cli.forces", "Compute energies, power and drive loads."),
+        "reactions": ("p3dof.cli.reactions", "Compute joint reactions."),
+    },
+    "See and export": {
+        "show": ("p3dof.cli.show", "Show the machine in the browser, or in MeshCat."),
+        "plots": ("p3dof.cli.forces", "Draw all figures of a motion."),
+        "urdf": ("p3dof.cli.export", "Write the URDF and its loop closures."),
+        "export": ("p3dof.cli.export", "Write the model for other tools: MJCF, SDF, USD."),
+    },
+    "Tasks and drives": {
+        "plan": ("p3dof.cli.plan", "Plan the motion of a task and check its limits."),
+        "fastest": ("p3dof.cli.plan", "Compute the time-optimal motion of a task."),
+        "balance": ("p3dof.cli.size", "Optimise the counterbalance of the sliders."),
+        "size": ("p3dof.cli.size", "Size motors and screws for a task."),
+        "bearings": ("p3dof.cli.reactions", "Compute bearing life and rod safety."),
+        "report": ("p3dof.cli.report", "Write a report on a task or a motion."),
+    },
+    "Design": {
+        "workspace": ("p3dof.cli.workspace", "Compute and draw the workspace."),
+        "indices": ("p3dof.cli.workspace", "Compute performance indices at poses."),
+        "studio": ("p3dof.cli.report", "Write a page with maps of indices and designs."),
+        "compare-designs": ("p3dof.cli.report", "Compare machines or tasks."),
+        "designs": ("p3dof.cli.designs", "Evaluate a table of designs over one motion."),
+        "sweep": ("p3dof.cli.designs", "Run a resumable sweep over designs."),
+        "optimise": ("p3dof.cli.optimise", "Optimise a design under constraints."),
+        "pareto": ("p3dof.cli.optimise", "Compute a Pareto front of designs."),
+        "sensitivity": ("p3dof.cli.tolerance", "Compute sensitivities (local, Sobol')."),
+        "tolerance": ("p3dof.cli.tolerance", "Tolerance analysis of poses and forces."),
+    },
+    "Control": {
+        "simulate": ("p3dof.cli.simulate", "Simulate the machine under control."),
+        "runs": ("p3dof.cli.simulate", "Run a batch of simulations from a table."),
+        "codegen": ("p3dof.cli.codegen", "Generate C99 code for a controller."),
+    },
+    "Any robot": {"loop": ("p3dof.cli.loop", "Any closed-loop robot: forces, simulation, C.")},
 }
-"""The commands: the module of each, imported when it is asked for, and what the program's help says of it."""
+"""The commands by what they are for, each heading in the order of work.
+
+Of each its module, which is imported when it is asked for, and what the program's help says of it."""
 
 
 class _Interrupted(Exception):  # noqa: N818 - never seen outside
@@ -100,32 +124,69 @@ class Command(click.Command):
         return spelled(super().get_help(ctx), getattr(sys.stdout, "encoding", None) or "utf-8")
 
 
-class _Program(click.Group):
-    """A group that imports a command when it is asked for, and whose interruptions are the program's."""
+class Group(click.Group):
+    """A group that imports a command when it is asked for: a table has the module and a summary of each."""
 
     command_class = Command
-    loading: Callable[[], AbstractContextManager[None]] = nullcontext
-    """Within what a command is imported."""
+
+    def __init__(self, *arguments: Any, table: Mapping[str, Mapping[str, tuple[str, str]]], **others: Any):
+        super().__init__(*arguments, **others)
+        self.headings = table
+        self.table = {name: entry for commands in table.values() for name, entry in commands.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted({*COMMANDS, *super().list_commands(ctx)})
+        """Return the names of all commands, in the order of the table."""
+        return list(dict.fromkeys((*self.table, *super().list_commands(ctx))))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name in COMMANDS:
-            with self.loading():
-                import_module(COMMANDS[name][0])
+        """Return a command, whose module adds it to the group."""
+        if name in self.table:
+            with app.loading():
+                import_module(self.table[name][0])
         return super().get_command(ctx, name)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is meant; an error names those that come close."""
+        name = args[0]
+        if name not in self.list_commands(ctx) and name[:1] != "-" and not ctx.resilient_parsing:
+            ctx.fail(f"no such command {name!r}{_hint(name, self.table, ctx)}")
+        return super().resolve_command(ctx, args)
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands, then the options."""
+        self.format_commands(ctx, formatter)
+        click.Command.format_options(self, ctx, formatter)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the summaries of the table: headings stand on the left where there is room for them."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+        if formatter.width < _ROOM:
+            for heading, commands in self.headings.items():
+                with formatter.section(heading):
+                    formatter.write_dl([(name, summary) for name, (_, summary) in commands.items()])
+            return
+        formatter.write_paragraph()
+        middle = max(map(len, self.table)) + 2
+        for heading, commands in self.headings.items():
+            words = chain(textwrap.wrap(heading, _HEADING), repeat(""))
+            for word, (name, (_, summary)) in zip(words, commands.items(), strict=False):
+                formatter.write(f"{word:{_HEADING + 2}}{name:{middle}}{summary}\n")
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return what may be meant, by the table."""
         if incomplete.startswith("-"):
             return super().shell_complete(ctx, incomplete)
-        found = ((name, summary) for name, (_, summary) in COMMANDS.items() if name.startswith(incomplete))
+        found = ((name, summary) for name, (_, summary) in self.table.items() if name.startswith(incomplete))
         return [CompletionItem(name, help=summary) for name, summary in found]
+
+
+class _Program(Group):
+    """The group of all commands, whose interruptions are the program's."""
+
+    loading: Callable[[], AbstractContextManager[None]] = nullcontext
+    """Within what a command is imported."""
 
     def make_context(self, *arguments: Any, **others: Any) -> click.Context:
         with _hidden_from_click():
@@ -139,19 +200,9 @@ class _Program(click.Group):
 def main(
     arguments: Sequence[str] | None = None, loading: Callable[[], AbstractContextManager[None]] = nullcontext
 ) -> int:
-    """Run the command line.
+    """Run the command line; the exit code.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        The arguments; those of the process by default.
-    loading : callable, optional
-        Returns within what a command is imported, such as other answers to Ctrl-C.
-
-    Returns
-    -------
-    int
-        The exit code.
+    `loading`: returns within what a command is imported, such as other answers to Ctrl-C.
     """
     _prepare_streams()
     app.loading = loading
@@ -172,6 +223,7 @@ def main(
 
 def _run(arguments: Sequence[str] | None) -> int:
     with warnings.catch_warnings():
+        warnings.simplefilter("always", ModelWarning)
         warnings.showwarning = _show_warning
         return _called(arguments)
 
@@ -195,28 +247,29 @@ def _called(arguments: Sequence[str] | None) -> int:
         told = str(error.args[0] if error.args else error)  # without hints for programs
         return _fail(told, FAILED if isinstance(error, _CANNOT) else BAD_INPUT)
     except click.exceptions.NoArgsIsHelpError as error:
-        sys.stderr.write(f"{error.format_message()}\n")
+        first = error.ctx is not None and error.ctx.parent is None
+        sys.stderr.write(f"{_FIRST if first else error.format_message()}\n")
         return BAD_INPUT
     except click.exceptions.Abort:
         return _told("interrupted", INTERRUPTED)
     except click.ClickException as error:
-        return _fail(error.format_message())
+        return _fail(_said(error))
     except MemoryError:
         return _fail("there is not enough memory for this; fewer samples need less")
     return int(code or 0)
 
 
-@click.group(cls=_Program, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Program, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
     "--version",
     is_flag=True,
     expose_value=False,
     is_eager=True,
     callback=lambda context, _, asked: _print_version(context) if asked else None,
-    help="Show the version, and what the compiled method runs on.",
+    help="Show the version and the level of the compiled kernels.",
 )
 def app() -> None:
-    """Inverse dynamics of a 3-DOF spatial parallel manipulator, by Pinocchio and by virtual powers."""
+    """Dynamics of a 3-DOF parallel manipulator, and of any closed-loop robot."""
 
 
 def _print_version(context: click.Context) -> None:
@@ -225,6 +278,47 @@ def _print_version(context: click.Context) -> None:
 
     click.echo(f"p3dof {__version__} (kernels: {in_words()})")
     context.exit()
+
+
+_FIRST = """Usage: p3dof COMMAND [OPTIONS]
+
+Try first:
+  p3dof compare          Compute the actuator forces by two independent methods.
+  p3dof show --meshcat   Show the machine in MeshCat, or else with forces.
+  p3dof init             Write a machine, a motion, a task and drives to edit.
+
+p3dof --help lists all commands; p3dof COMMAND --help describes one."""
+"""What the program says when it is called alone."""
+
+
+def _hint(name: str, known: Iterable[str], ctx: click.Context | None) -> str:
+    """Return what ends an error about a command or an option: the names that come close, or where all are."""
+    from p3dof._base.checks import meant  # it brings NumPy, which the help does not need
+
+    bare = {one.lstrip("-"): one for one in known}  # dashes would make all options alike
+    near = meant(name.lstrip("-"), bare)
+    if not near:
+        return f"; see '{'p3dof' if ctx is None else ctx.command_path} --help'"
+    return re.sub("'([^']+)'", lambda found: repr(bare[found[1]]), near)
+
+
+_TAKES = {".csv": "--motion", ".yaml": "--parameters", ".yml": "--parameters"}
+"""The option that takes a file, by its ending."""
+
+
+def _said(error: click.ClickException) -> str:
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    extra = re.match(r"Got unexpected extra arguments? \((\S+)", error.format_message())
+    if extra and context is not None:
+        name = extra[1].rstrip(")")
+        option = _TAKES.get(Path(name).suffix.lower())
+        has = any(option in one.opts for one in context.command.params)
+        near = f"; did you mean {option} {name}?" if has else f"; see '{context.command_path} --help'"
+        return f"unexpected argument {name!r}{near}"
+    if not isinstance(error, click.NoSuchOption):
+        return error.format_message()
+    known = [] if error.ctx is None else [name for one in error.ctx.command.params for name in one.opts]
+    return f"no such option {error.option_name!r}{_hint(error.option_name, [*known, '--help'], error.ctx)}"
 
 
 def _prepare_streams() -> None:
@@ -260,3 +354,37 @@ def _told(line: str, code: int) -> int:
     except OSError:
         _drop_what_is_left(sys.stderr)
     return code
+
+
+_WORDS = {
+    "θ": "theta", "Σ": "sum", "Δ": "Delta", "π": "pi", "ω": "omega", "α": "alpha", "µ": "u", "μ": "u",
+    "×": "x", "·": " ", "−": "-", "–": "-", "—": "-", "→": "->", "±": "+/-", "≤": "<=", "≥": ">=", "≈": "~",
+    "°": "deg", "²": "^2", "³": "^3", "⁻": "^-", "…": "...", "“": '"', "”": '"', "„": '"', "‘": "'", "’": "'",
+    "│": "|", "─": "-", "━": "-",
+}  # fmt: skip
+"""What to write for a character that an encoding does not have."""
+
+
+def _spelled(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Write a character that the encoding does not have in letters that it has: the codec's error handler."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    character = error.object[error.start]
+    if "\udc80" <= character <= "\udcff":  # a byte of a file's name, as Python keeps what it cannot decode
+        return bytes([ord(character) - 0xDC00]), error.start + 1
+    simple = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return _WORDS.get(character) or simple or "?", error.start + 1
+
+
+write_what_is_there = "p3dof-spelled"
+"""The name of the codecs' error handler that spells what an encoding does not have: θ as theta."""
+
+codecs.register_error(write_what_is_there, _spelled)
+
+
+def spelled(text: str, encoding: str) -> str:
+    """Return a text as an encoding can write it.
+
+    The same text where the encoding has all its characters; else with ``theta`` for θ and so on.
+    """
+    return text.encode(encoding, write_what_is_there).decode(encoding, "surrogateescape")

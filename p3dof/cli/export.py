@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -14,38 +14,20 @@ from rich.console import Console
 from p3dof._base.errors import MissingExtraError
 from p3dof._base.files import together
 from p3dof.cli.app import app
-from p3dof.cli.files import STREAM, InputFile, OutputFolder, protect, source
-from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.output import print_plain, say
-from p3dof.cli.payloads import say_payloads
+from p3dof.cli.files import CHECK, FORCE, STREAM, InputFile, OutputFolder, print_check, protect, source
+from p3dof.cli.machine import PARAMETERS, machine_of, say_payloads
+from p3dof.cli.output import print_plain, print_written, say
 from p3dof.machine import description
 from p3dof.machine.motion import Motion, paper_motion
-from p3dof.viewer.document.document import page_document
-from p3dof.viewer.document.glb import save_glb
 
 T = TypeVar("T")
 
 _SCENE = "glb"
-SHOWN = 20
-"""Most differences that ``--check`` prints."""
-
 OUT_FOLDER = click.option(
     "--out",
     type=OutputFolder(stream=True),
-    help="Folder of the generated files; urdf for the paper's machine and out/urdf for another one without "
-    "it, - for the standard output.",
-)
-CHECK = click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the files there differ.")
-FORCE = click.option(
-    "--force",
-    is_flag=True,
-    help="Write over files of the paper's machine, and over foreign ones.",
-)
-
-WASM = click.option(
-    "--wasm",
-    is_flag=True,
-    help="WebAssembly too, for browsers and Node, and JavaScript that loads it; needs clang and lld.",
+    help="Folder to write to, - for the standard output; by default urdf for the paper's machine, out/urdf "
+    "for another one.",
 )
 
 
@@ -54,9 +36,9 @@ WASM = click.option(
 @OUT_FOLDER
 @CHECK
 @FORCE
-@click.option("--exact", is_flag=True, help="Leave massless links massless, which many readers misread.")
+@click.option("--exact", is_flag=True, help="Keep massless links massless; many programs cannot read them.")
 def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, exact: bool) -> int:
-    """Write the URDF and its sidecar (loop closures, actuated joints), or check those in a folder."""
+    """Write the URDF and its sidecar (YAML: loop closures, actuated joints), or check existing ones."""
     return _write_or_check(Job(parameters, out, ("urdf",), exact, force), check)
 
 
@@ -72,14 +54,14 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
     multiple=True,
     default=("all",),
     show_default=True,
-    help="What to write; may be given several times. 'glb', which 'all' leaves out, is the moving machine to "
-    "look at, for browsers, presentations and Blender.",
+    help="Format to write; repeatable. glb, not part of all, is the moving machine for "
+    "browsers, presentations and Blender.",
 )
 @click.option(
     "--motion",
     "motion_file",
     type=InputFile(),
-    help="With glb: the motion that it makes (CSV); the paper's without it.",
+    help="Motion file of the glb (CSV); by default the paper's motion.",
 )
 def export(
     parameters: Path | None,
@@ -89,7 +71,7 @@ def export(
     formats: tuple[str, ...],
     motion_file: Path | None,
 ) -> int:
-    """Write the model for other tools, with its loops where the format can hold them."""
+    """Write the model for other tools, with its loop closures where the format has them."""
     if _SCENE in formats:
         if len(formats) > 1 or check or out == STREAM:
             raise click.UsageError(f"--format {_SCENE} goes with no other one, no --check and no stream")
@@ -103,6 +85,9 @@ def export(
 
 def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path) -> int:
     """Write the machine as glTF, moving; samples that it cannot reach are passed over."""
+    from p3dof.viewer.document.glb import save_glb
+    from p3dof.viewer.machine.document import page_document
+
     path = folder / f"p3dof.{_SCENE}"
     protect((parameters, motion_file), [path])
     console, robot = Console(), machine_of(parameters)
@@ -118,30 +103,14 @@ def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path
 
 @dataclass(frozen=True)
 class Job:
-    """What to write, and where to.
+    """What to write, and where to."""
 
-    Parameters
-    ----------
-    parameters : Path, optional
-        File of the machine.
-    out : Path, optional
-        Folder.
-    formats : tuple of str
-        Names in `p3dof.machine.description.FORMATS`.
-    exact : bool
-        Whether massless links stay so.
-    force : bool
-        Whether to write over foreign files.
-    skip_missing : bool
-        Whether to pass over a format, aloud, whose library is not installed.
-    """
-
-    parameters: Path | None
-    out: Path | None
-    formats: tuple[str, ...]
-    exact: bool = False
-    force: bool = False
-    skip_missing: bool = False
+    parameters: Path | None  # file of the machine
+    out: Path | None  # folder
+    formats: tuple[str, ...]  # names in `p3dof.machine.description.FORMATS`
+    exact: bool = False  # whether massless links stay so
+    force: bool = False  # whether to write over foreign files
+    skip_missing: bool = False  # whether to pass over a format, aloud, whose library is not installed
 
     @property
     def folder(self) -> Path:
@@ -162,14 +131,6 @@ class Job:
             return []
 
 
-def print_differences(console: Console, differences: Sequence[str]) -> None:
-    """Print the first of the differences that a check found, and how many more there are."""
-    for line in differences[:SHOWN]:
-        print_plain(console, line)
-    if len(differences) > SHOWN:
-        print_plain(console, f"... and {len(differences) - SHOWN} more differences")
-
-
 def _print_text(job: Job) -> int:
     """Write the one file of a format to the standard output, and say aside what belongs to it."""
     if len(job.formats) != 1:
@@ -184,7 +145,7 @@ def _print_text(job: Job) -> int:
 
 
 def _write_or_check(job: Job, check: bool) -> int:
-    console, folder = Console(), job.folder
+    folder = job.folder
     if job.out == STREAM and not check:
         return _print_text(job)
     if check:
@@ -192,15 +153,11 @@ def _write_or_check(job: Job, check: bool) -> int:
             raise click.UsageError("--check: expected the folder of the files to check, not -")
         machine = machine_of(job.parameters).parameters
         found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
-        print_differences(console, found)
-        if not found:
-            print_plain(console, f"{folder}: up to date")
-        return 1 if found else 0
+        return print_check({folder: found})
     protect((job.parameters,), [folder / file for name in job.formats for file in description.FORMATS[name]])
-    machine = machine_of(job.parameters).parameters
+    machine, console = machine_of(job.parameters).parameters, Console()
     say_payloads(console, machine, job.parameters)
     with together():
         written = job.of_each(lambda name: description.write(machine, folder, (name,), job.exact, job.force))
-    for path in written:
-        print_plain(console, f"wrote {path}")
+    print_written(console, written)
     return 0

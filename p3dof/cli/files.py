@@ -1,22 +1,40 @@
-"""Files of the command line: what may be read and written is known before the work, and ``-`` is a stream."""
+"""Files of the command line, generated ones too: what may be read and written is known before the work.
+
+``-`` is a stream.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 from rich.console import Console
 
-from p3dof._base.errors import P3dofError
-from p3dof._base.files import SUFFIXES, check_writable, scratch_folder, suffix_of, together
+from p3dof._base.checks import meant
+from p3dof._base.errors import MissingExtraError, P3dofError
+from p3dof._base.files import (
+    SUFFIXES,
+    check_generated,
+    check_writable,
+    scratch_folder,
+    suffix_of,
+    together,
+    write_generated,
+)
+from p3dof.cli.output import print_plain, say
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from p3dof.codegen.wasm_build import WebFiles
 
 STREAM = Path("-")
 """Stands for the standard input or output."""
@@ -27,31 +45,37 @@ def file_name(path: Path | None) -> str | None:
     return None if path is None else path.name
 
 
-class InputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A file to read, or ``-`` for the standard input."""
+class _Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """What a shell completes as the name of a file, or of a folder."""
 
     name = "FILE"
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Let the shell look for names."""
+        del ctx, param
+        return [CompletionItem(incomplete, type="dir" if self.name == "FOLDER" else "file")]
+
+
+class InputFile(_Named):
+    """A file to read, or ``-`` for the standard input."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
         path = Path(value)
         if str(value) == "-" and sys.stdin is None:
             self.fail("the standard input is closed", param, ctx)
+        if path.suffix and path.parent.is_dir() and not path.exists():
+            near = meant(path.stem, (one.stem for one in path.parent.iterdir() if one.suffix == path.suffix))
+            if near:
+                named = re.sub("'([^']+)'", rf"'\1{path.suffix}'", near)
+                self.fail(f"there is no file {value}{named}", param, ctx)
         return path.absolute() if path == STREAM and str(value) != "-" else path
 
 
-class OutputFile(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
-    """A file to write, whose ending fits what is written.
-
-    Parameters
-    ----------
-    kind : str
-        A key of `p3dof._base.files.SUFFIXES`.
-    stream : bool
-        Whether it may be the standard output, ``-``.
-    """
-
-    name = "FILE"
+class OutputFile(_Named):
+    """A file to write, whose ending fits what is written."""
 
     def __init__(self, kind: str, stream: bool = False) -> None:
         self._kind, self._stream = kind, stream
@@ -84,14 +108,8 @@ def _require_library(kind: str, suffix: str) -> None:
         require_playwright()
 
 
-class OutputFolder(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
-    """A folder to write files to.
-
-    Parameters
-    ----------
-    stream : bool
-        Whether it may be the standard output, ``-``, instead.
-    """
+class OutputFolder(_Named):
+    """A folder to write files to."""
 
     name = "FOLDER"
 
@@ -132,7 +150,7 @@ JSON = click.option(
     "as_json",
     is_flag=True,
     callback=_as_json,
-    help="Print the numbers as JSON, in SI units, and nothing else.",
+    help="Print the results as JSON in SI units, and nothing else.",
 )
 
 
@@ -146,20 +164,7 @@ def source(path: Path) -> Path | IO[bytes]:
 
 
 def protect(inputs: Iterable[Path | None], outputs: Iterable[Path | None]) -> None:
-    """Refuse, before the work, to write over a file that is read, twice to one file, or where nothing can be.
-
-    Parameters
-    ----------
-    inputs, outputs : iterable of Path or None
-        What a command reads and writes.
-
-    Raises
-    ------
-    UsageError
-        If an output is used already, or two inputs are the standard input.
-    FileError
-        If an output cannot be written.
-    """
+    """Refuse before the work to write over a file that is read, twice to one file, or where none can be."""
     given = [path for path in inputs if path is not None]
     if given.count(STREAM) > 1:
         raise click.UsageError("only one file can be read from the standard input (-)")
@@ -178,41 +183,118 @@ def console_beside(*outputs: Path | None) -> Console:
     return Console(stderr=STREAM in outputs)
 
 
+def save_figure(draw: Callable[[Any], Figure], *paths: Path | None) -> list[Path]:
+    """Draw a figure, if it is asked for, with the room `p3dof.report.plots`; return the files written."""
+    wanted = [path for path in paths if path is not None]
+    if not wanted:
+        return []
+    from p3dof.report import plots
+
+    figure = draw(plots)
+    return [plots.save(figure, path) for path in wanted]
+
+
+def save_figure_if_possible(draw: Callable[[Any], Figure], *paths: Path | None) -> list[Path]:
+    """Likewise; say that there is none where matplotlib is not installed."""
+    try:
+        return save_figure(draw, *paths)
+    except MissingExtraError as error:
+        say(f"no figure: {error}")
+        return []
+
+
 def write_results(
     save: Callable[[Path], Path],
     out: Path | None,
-    draw: Callable[[], Figure] | None = None,
     figure: Path | None = None,
+    draw: Callable[[Any], Figure] | None = None,
 ) -> list[Path]:
-    """Write what a command found, as a table and a figure, both or none.
-
-    Parameters
-    ----------
-    save : callable
-        Writes the table to a path.
-    out : Path, optional
-        Where to; the standard output if it is `STREAM`.
-    draw : callable
-        Returns the figure.
-    figure : Path, optional
-        Where to.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-    """
+    """Write what a command found, as a table and a figure, both or none; the files written."""
     written = []
     with together():
         if out is not None and out != STREAM:
             written.append(save(out))
-        if figure is not None and draw is not None:
-            from p3dof.report import plots
-
-            written.append(plots.save(draw(), figure))
+        if draw is not None:
+            written += save_figure(draw, figure)
     if out == STREAM:
         with scratch_folder() as folder:
             table = save(folder / "table.csv")
             with table.open(encoding="utf-8", newline="") as lines:
                 shutil.copyfileobj(lines, sys.stdout)
     return written
+
+
+TOLERANCE = 1e-9
+"""Relative difference of numbers that ``--check`` lets pass in the C of a controller: a change of the machine
+that matters is more, other last bits on another processor are less."""
+SHOWN = 20
+"""Most differences that ``--check`` prints."""
+
+CHECK = click.option("--check", is_flag=True, help="Write nothing; exit code 1 if the existing files differ.")
+FORCE = click.option(
+    "--force",
+    is_flag=True,
+    help="Overwrite files of the paper's machine, and files that p3dof did not write.",
+)
+CPU = click.option(
+    "--cpu",
+    default="native",
+    show_default=True,
+    help="Processor that the Makefile compiles for, by the compiler's name (haswell, cortex-a72); native: "
+    "the one where make runs; '': any of its family.",
+)
+WASM = click.option(
+    "--wasm",
+    is_flag=True,
+    help="Also WebAssembly for browsers and Node, and JavaScript that loads it; needs clang and lld.",
+)
+
+
+@dataclass(frozen=True)
+class Generated:
+    """C for a folder, and the WebAssembly that is built from it."""
+
+    texts: Mapping[str, str]  # by file name
+    folder: Path
+    prefix: str  # what its names begin with
+    mark: str  # in what was generated
+    tolerance: float = TOLERANCE
+    web: WebFiles | None = None
+
+    @classmethod
+    def of(cls, texts: Mapping[str, str], folder: Path, mark: str, web: WebFiles, wasm: bool) -> Generated:
+        """Return the C of a controller, with its WebAssembly if that is wanted."""
+        found = {**texts, **web.texts()} if wasm else texts
+        return cls(found, folder, web.module.prefix, mark, web=web if wasm else None)
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files."""
+        return [self.folder / name for name in (*self.texts, *(self.web.names if self.web else ()))]
+
+    def differences(self) -> list[str]:
+        """Return in what the files that are there differ, a line each."""
+        found = check_generated(self.texts, self.folder, self.tolerance)
+        return found + (self.web.check(self.folder) if self.web else [])
+
+    def write(self, force: bool) -> list[Path]:
+        """Write the files; over foreign ones by force only."""
+        from p3dof.codegen.naming import of_another
+
+        with together():
+            written = write_generated(self.texts, self.folder, self.mark, force, of_another(self.prefix))
+            return written + ([self.web.write(self.folder, self.texts, force)] if self.web else [])
+
+
+def print_check(found: Mapping[Path, Sequence[str]]) -> int:
+    """Print what a check found by folder or file: the first of the differences; return the exit code."""
+    console = Console()
+    for place, differences in found.items():
+        if not differences:
+            print_plain(console, f"{place}: up to date")
+    lines = [line for differences in found.values() for line in differences]
+    for line in lines[:SHOWN]:
+        print_plain(console, line)
+    if len(lines) > SHOWN:
+        print_plain(console, f"... and {len(lines) - SHOWN} more differences")
+    return 1 if lines else 0

@@ -1,43 +1,46 @@
-"""What kinds of values options take: numbers, poses, payloads, forces by slide."""
+"""Kinds of values that options take, options that many commands share, and several as one argument."""
 
 from __future__ import annotations
 
+import functools
+import inspect
+import re
+from collections.abc import Callable
 from typing import Any
 
 import click
-import numpy as np
 
-from p3dof._base.checks import LARGEST, shown
+from p3dof._base.checks import LARGEST, SMALLEST, shown
 from p3dof._base.errors import ParameterError
-from p3dof.machine.parameters import SLIDES, Body
-from p3dof.machine.parameters.quantities import ANGLE, LENGTH, MASS, Quantity
+from p3dof._base.quantities import Quantity
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof.cli.files import OutputFile
 
 
-class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """One number for all sliders, or three for A, B and C; units may follow each.
+def options(*each: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what gives a command several options, in the order of its help."""
 
-    Parameters
-    ----------
-    quantity : Quantity
-        What the numbers are.
-    """
+    def give(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(each):
+            command = option(command)
+        return command
 
-    def __init__(self, quantity: Quantity) -> None:
-        self._quantity = quantity
-        self.name = "NUMBER[,B,C]"
+    return give
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> dict[str, float]:
-        """Return the numbers by slide."""
-        parts = value.split(",")
-        if len(parts) not in {1, len(SLIDES)}:
-            self.fail(f"expected one number, or three for A, B and C, got {value!r}", param, ctx)
-        try:
-            numbers = [self._quantity.read(part, str(param.opts[0] if param else value)) for part in parts]
-        except ParameterError as error:
-            self.fail(str(error), param, ctx)
-        return dict(zip(SLIDES, numbers * (len(SLIDES) // len(numbers)), strict=True))
+
+def as_one(name: str, kind: Callable[..., Any], *each: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what gives a command options, and as one argument what a class makes of them: its fields."""
+    fields = tuple(inspect.signature(kind).parameters)
+
+    def give(command: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(command)
+        def taking(**given: Any) -> Any:
+            own = {field: given.pop(field) for field in fields if field in given}
+            return command(**{name: kind(**own)}, **given)
+
+        return options(*each)(taking)  # type: ignore[no-any-return]
+
+    return give
 
 
 class Number(click.FloatRange):
@@ -50,11 +53,17 @@ class Number(click.FloatRange):
         try:
             number = float(value)
         except ValueError:
-            self.fail(f"expected a number, got {shown(value)}", param, ctx)
+            self.fail(f"expected a number, got {shown(value)}{_with_point(value)}", param, ctx)
         if not abs(number) <= LARGEST:
             self.fail(f"expected a finite number of at most {LARGEST:g} in size, got {number:g}", param, ctx)
         found: float = super().convert(number, param, ctx)
         return found
+
+
+def _with_point(text: object) -> str:
+    """Return what ends an error about a number with a decimal comma."""
+    found = re.fullmatch(r"\s*([+-]?\d+),(\d+)(.*)", str(text)[:80])
+    return f"; with a decimal point it is {found[1]}.{found[2]}{found[3]}" if found else ""
 
 
 class Whole(click.IntRange):
@@ -75,126 +84,64 @@ class Whole(click.IntRange):
 POSITIVE = Number(min=0, min_open=True)
 
 
-_OTHERS = {
-    "m/s": ("mm/s",),
-    "rad/s": ("deg/s", "rpm"),
-    "m/s^2": ("mm/s^2",),
-    "rad/s^2": ("deg/s^2",),
-}
+class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A positive number with a unit, or in SI units; zero too if it is said."""
 
-"""Further units of numbers of three."""
+    name = "AMOUNT"
 
+    def __init__(self, quantity: Quantity, zero: bool = False) -> None:
+        self._quantity, self._zero = quantity, zero
 
-class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A point mass on the platform, ``MASS`` at P or ``MASS,X,Y,Z`` in the platform's frame."""
-
-    name = "MASS[,X,Y,Z]"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Body:
-        """Return the body."""
-        rule = f"expected a mass [kg], or a mass and x,y,z [m], got {value!r}"
-        first, *others = value.split(",")
-        if len(others) not in {0, 3}:
-            self.fail(rule, param, ctx)
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number in SI units."""
         try:
-            mass = MASS.read(first, "mass")
-            com = LENGTH.read(others, "x,y,z")
-        except ParameterError as error:
-            self.fail(f"{rule} ({error})", param, ctx)
-        try:
-            return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
-        except ParameterError as error:
-            self.fail(f"{rule} ({error})", param, ctx)
-
-
-class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A pose of the platform, ``y,z,theta``, with units or in SI units."""
-
-    name = "Y,Z,THETA"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
-        """Return the pose."""
-        parts = value.split(",") if isinstance(value, str) else []
-        try:
-            pose = [
-                kind.read(part.strip(), "pose")
-                for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
-            ]
+            number = float(self._quantity.read(value, "number"))
         except (ParameterError, ValueError):
-            self.fail(
-                f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx
-            )
-        return [float(number) for number in pose]
+            example = (self._quantity.unit, *self._quantity.others)[-1]
+            rule = f"expected {self._quantity.name} such as '5 {example}'"
+            self.fail(f"{rule}, got {shown(value)}{_with_point(value)}", param, ctx)
+        if not (SMALLEST <= number <= LARGEST or (number == 0 and self._zero)):
+            self.fail(f"expected a positive number, got {number:g}", param, ctx)
+        return number
 
 
-class Span(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
-    """A range around zero, ``MOST`` to both sides or ``FROM,TO``, with a unit or in SI units.
+class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """How to smooth the values of a motion file: "auto", or a frequency [Hz]."""
 
-    Parameters
-    ----------
-    quantity : Quantity
-        Of its ends.
-    example : str
-        For errors.
-    """
+    name = "SMOOTH"
 
-    name = "MOST|FROM,TO"
-
-    def __init__(self, quantity: Quantity, example: str) -> None:
-        self._quantity, self._example = quantity, example
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float]:
-        """Return the ends."""
-        if isinstance(value, tuple):
-            return value
-        parts = [part.strip() for part in str(value).split(",")]
-        rule = f"expected one number or two such as {self._example}, got {value!r}"
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Smooth:
+        """Return what `Motion.from_csv` takes."""
+        if value == "auto":
+            return "auto"
         try:
-            ends = [float(self._quantity.read(part, "number")) for part in parts]
-        except (ParameterError, ValueError):
-            self.fail(rule, param, ctx)
-        if len(ends) == 1 and ends[0] > 0:
-            return -ends[0], ends[0]
-        if len(ends) != 2:
-            self.fail(rule, param, ctx)
-        return ends[0], ends[1]
+            return float(POSITIVE.convert(value, param, ctx))
+        except click.BadParameter:
+            self.fail(f"expected auto, or a frequency in Hz above zero, got {shown(value)}", param, ctx)
 
 
-class Triple(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
-    """Three numbers, of y, z and θ, with units or in SI units.
+SMOOTH = click.option(
+    "--smooth",
+    type=Smoothing(),
+    metavar="auto|HZ",
+    help="Filter a measured or rounded motion: a cut-off frequency [Hz], or auto, above which there is only "
+    "noise.",
+)
+FIGURE = click.option(
+    "--figure", type=OutputFile("figure"), help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot')."
+)
 
-    Parameters
-    ----------
-    units : tuple of str
-        SI units of the three.
-    """
-
-    name = "Y,Z,THETA"
-
-    def __init__(self, *units: str) -> None:
-        self._kinds = [Quantity("a number", unit, _OTHERS.get(unit, ())) for unit in units]
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[float, float, float]:
-        """Return the numbers."""
-        if isinstance(value, tuple):
-            return value
-        parts = str(value).split(",")
-        try:
-            y, z, theta = (
-                float(kind.read(part.strip(), "number"))
-                for kind, part in zip(self._kinds, parts, strict=True)
-            )
-        except (ParameterError, ValueError):
-            units = ", ".join(kind.unit for kind in self._kinds)
-            self.fail(f"expected three numbers, of y, z and theta [{units}], got {value!r}", param, ctx)
-        return y, z, theta
+DURATION = click.option(
+    "--duration",
+    type=POSITIVE,
+    help="Duration of the whole task, dwells included [s]; not needed if every stop has one in the file.",
+)
 
 
-def payload_text(payload: Body) -> str:
-    """Return a payload as it is given on the command line."""
-    com = payload.com.tolist()
-    return ",".join(f"{number:.15g}" for number in (payload.mass, *(com if any(com) else ())))
+def table_out(what: str) -> Callable[..., Any]:
+    """Return the option for a CSV file, or the standard output, for something."""
+    return click.option(
+        "--out",
+        type=OutputFile("table", stream=True),
+        help=f"CSV file to write, - for the standard output: {what}.",
+    )

@@ -1,4 +1,4 @@
-"""The options that say which machine it is: its file, its size, its actuators."""
+"""Which machine it is, by its options: its file, its size, its actuators, what it carries."""
 
 from __future__ import annotations
 
@@ -8,31 +8,97 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
+from rich.console import Console
 
-from p3dof.cli.files import InputFile, source
-from p3dof.cli.kinds import BySlide
-from p3dof.machine.parameters import Body, Parameters, read_parameters
-from p3dof.machine.parameters.plain import require_near
-from p3dof.machine.parameters.quantities import FORCE, MASS, Quantity
+from p3dof._base.errors import ParameterError
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, Quantity
+from p3dof.cli.files import STREAM, InputFile, source
+from p3dof.cli.kinds import options
+from p3dof.cli.output import print_plain
+from p3dof.machine.parameters import SLIDES, Body, Parameters, read_parameters
+from p3dof.machine.parameters.machine import require_near
 from p3dof.manipulator import Manipulator, load
+
+
+class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """One number for all sliders, or three for A, B and C; units may follow each."""
+
+    def __init__(self, quantity: Quantity) -> None:
+        self._quantity = quantity
+        self.name = "NUMBER[,B,C]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> dict[str, float]:
+        """Return the numbers by slide."""
+        parts = value.split(",")
+        if len(parts) not in {1, len(SLIDES)}:
+            self.fail(f"expected one number, or three for A, B and C, got {value!r}", param, ctx)
+        try:
+            numbers = [self._quantity.read(part, str(param.opts[0] if param else value)) for part in parts]
+        except ParameterError as error:
+            self.fail(str(error), param, ctx)
+        return dict(zip(SLIDES, numbers * (len(SLIDES) // len(numbers)), strict=True))
+
+
+class Payload(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A point mass on the platform, ``MASS`` at P or ``MASS,X,Y,Z`` in the platform's frame."""
+
+    name = "MASS[,X,Y,Z]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Body:
+        """Return the body."""
+        rule = f"expected a mass [kg], or a mass and x,y,z [m], got {value!r}"
+        first, *others = value.split(",")
+        if len(others) not in {0, 3}:
+            self.fail(rule, param, ctx)
+        try:
+            mass = MASS.read(first, "mass")
+            com = LENGTH.read(others, "x,y,z")
+        except ParameterError as error:
+            self.fail(f"{rule} ({error})", param, ctx)
+        try:
+            return Body(mass, np.array(com or (0.0, 0.0, 0.0)), np.zeros((3, 3)))
+        except ParameterError as error:
+            self.fail(f"{rule} ({error})", param, ctx)
+
+
+class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A pose of the platform, ``y,z,theta``, with units or in SI units."""
+
+    name = "Y,Z,THETA"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
+        """Return the pose."""
+        parts = value.split(",") if isinstance(value, str) else []
+        try:
+            pose = [
+                kind.read(part.strip(), "pose")
+                for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
+            ]
+        except (ParameterError, ValueError):
+            self.fail(
+                f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx
+            )
+        return [float(number) for number in pose]
+
+
+_META, _ACTUATORS = "p3dof.any_size", "p3dof.actuators."
+"""Where in the context is what the machine is told."""
 
 _PARAMETERS = click.option(
     "--parameters",
     type=InputFile(),
-    help="Parameter file (YAML), - for the standard input; the paper's machine without it.",
+    help="Parameter file of the machine (YAML), - for the standard input; by default the paper's machine.",
 )
-
-
 _ANY_SIZE = click.option(
     "--any-size",
     is_flag=True,
     expose_value=False,
     callback=lambda context, _, value: context.meta.__setitem__(_META, value),
-    help="Take a machine of more than 20 m or less than 1 mm too: lengths are in metres.",
+    help="Accept a machine larger than 20 m or smaller than 1 mm: lengths are in metres.",
 )
-
-
-_META = "p3dof.any_size"
 
 
 def _of_actuators(name: str, quantity: Quantity, words: str) -> Callable[..., Any]:
@@ -41,24 +107,23 @@ def _of_actuators(name: str, quantity: Quantity, words: str) -> Callable[..., An
         type=BySlide(quantity),
         expose_value=False,
         callback=lambda context, _, value: context.meta.__setitem__(f"{_ACTUATORS}{name}", value),
-        help=f"{words}: one number, or A,B,C; in place of the parameter file's.",
+        help=f"{words}: one number, or A,B,C; replaces that of the parameter file.",
     )
     return found
 
 
-_ACTUATORS = "p3dof.actuators."
-
-
-_ARMATURE = _of_actuators("armature", MASS, "Inertia of motor and screw, reflected to the sliders [kg]")
-
-
-_BALANCE = _of_actuators("counterbalance", FORCE, "Force of a balance on the sliders at home, upward [N]")
-
-
-def PARAMETERS(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
-    """Give a command the parameter file, and `machine_of` what else is said of the machine."""
-    found: Callable[..., Any] = _PARAMETERS(_ARMATURE(_BALANCE(_ANY_SIZE(command))))
-    return found
+_ARMATURE = _of_actuators(
+    "armature", MASS, "Armature, the inertia of motor and screw reflected to the sliders [kg]"
+)
+_BALANCE = _of_actuators("counterbalance", FORCE, "Counterbalance force on the sliders at home, upward [N]")
+PARAMETERS = options(_PARAMETERS, _ARMATURE, _BALANCE, _ANY_SIZE)
+"""The parameter file, and what else `machine_of` is told of the machine."""
+PAYLOAD = click.option(
+    "--payload",
+    type=Payload(),
+    help="Point mass on the platform [kg], at P or at x,y,z in its frame [m]; added to the payloads of the "
+    "parameter file.",
+)
 
 
 def any_size() -> bool:
@@ -73,22 +138,7 @@ def _given_actuators() -> dict[str, dict[str, float]]:
 
 
 def driven(parameters: Parameters) -> Parameters:
-    """Return a machine with the armature and the balance that the command was given.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine of a file.
-
-    Returns
-    -------
-    p3dof.Parameters
-
-    Raises
-    ------
-    ParameterError
-        If an inertia is negative.
-    """
+    """Return a machine with the armature and the balance that the command was given."""
     return replace(parameters, actuators=replace(parameters.actuators, **_given_actuators()))
 
 
@@ -101,24 +151,7 @@ def actuator_options() -> dict[str, str]:
 
 
 def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipulator:
-    """Return the machine that a command was given, of a size that the user means.
-
-    Parameters
-    ----------
-    parameters : Path, optional
-        Its file; the paper's machine without one.
-    payload : Body, optional
-        Added to its platform.
-
-    Returns
-    -------
-    Manipulator
-
-    Raises
-    ------
-    ParameterError, FileError
-        As `p3dof.load`; also if the payload is very far away.
-    """
+    """Return the machine that a command was given, of a size that the user means."""
     machine = load(None if parameters is None else read_parameters(source(parameters), any_size()))
     if _given_actuators():
         machine = load(driven(machine.parameters))
@@ -127,3 +160,36 @@ def machine_of(parameters: Path | None, payload: Body | None = None) -> Manipula
     if not any_size():
         require_near(payload, "--payload")
     return load(machine.parameters.carrying(payload))
+
+
+def say_payloads(console: Console, machine: Parameters, file: Path | None, given: Body | None = None) -> None:
+    """Say in one line what a platform carries; nothing of an empty one."""
+    words = payloads_in_words(machine, file, given)
+    if words:
+        print_plain(console, words)
+
+
+def payloads_in_words(machine: Parameters, file: Path | None, given: Body | None) -> str:
+    """Return every payload with its mass centre and where it comes from, and what they weigh in all.
+
+    One line; empty if there is no payload.
+    """
+    if not machine.payloads:
+        return ""
+    sources = ["standard input" if file == STREAM else str(file)] * len(machine.payloads)
+    if given is not None and given.mass > 0:
+        sources[-1] = "--payload"
+    parts = [
+        f"{body.mass:g} kg at ({', '.join(f'{part:g}' for part in body.com)}) m ({source})"
+        for body, source in zip(machine.payloads, sources, strict=True)
+    ]
+    mass = sum(body.mass for body in machine.payloads)
+    platform, total = machine.unladen.bodies.platform.mass, machine.bodies.platform.mass
+    sum_ = f" = {mass:g} kg" if len(parts) > 1 else ""
+    return f"payload: {' + '.join(parts)}{sum_}; platform {platform:g} kg, with payload {total:g} kg"
+
+
+def payload_text(payload: Body) -> str:
+    """Return a payload as it is given on the command line."""
+    com = payload.com.tolist()
+    return ",".join(f"{number:.15g}" for number in (payload.mass, *(com if any(com) else ())))

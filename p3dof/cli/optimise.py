@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,43 +12,36 @@ import click
 from rich.console import Console
 
 from p3dof._base.errors import InputError
+from p3dof._base.tables import Table
 from p3dof.cli.app import app
-from p3dof.cli.files import JSON, InputFile, OutputFile, OutputFolder, protect
-from p3dof.cli.kinds import Whole
-from p3dof.cli.options import FIGURE
-from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, show
-from p3dof.design.optimisation import (
-    DesignProblem,
-    Front,
-    Optimum,
-    front_tables,
-    optimum_tables,
-    read_problem,
-)
+from p3dof.cli.files import JSON, InputFile, OutputFile, OutputFolder, protect, save_figure
+from p3dof.cli.kinds import FIGURE, Whole
+from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
+from p3dof.design.optimisation import DesignProblem, Optimum, front_tables, optimum_tables, read_problem
 from p3dof.design.optimisation.evolution import GENERATIONS
 from p3dof.design.optimisation.minimising import STARTS
 from p3dof.design.optimisation.pareto import GENERATIONS as OF_FRONT
 from p3dof.design.optimisation.pareto import POINTS, POPULATION
 
 _WORDS = {
-    "resume=True": "--resume",
+    "resume=True": "--store",
     "subject_to": "--subject-to",
-    "method='epsilon'": "--method epsilon",
+    "method='epsilon'": "--algorithm epsilon",
     "bodies='solids'": "bodies: solids",
 }
 """What arguments of Python are here."""
 
 _PROBLEM = click.argument("problem", type=InputFile(), metavar="PROBLEM")
 _SEED = click.option(
-    "--seed", type=Whole(0, 2**32 - 1), default=0, show_default=True, help="Of all random numbers."
+    "--seed", type=Whole(0, 2**32 - 1), default=0, show_default=True, help="Seed of the random numbers."
 )
-_RESUME = click.option(
-    "--resume",
+_STORE = click.option(
+    "--store",
     type=OutputFolder(),
-    help="Folder for what is finished: the same command goes on with it after an interruption.",
+    help="Folder for intermediate results: after an interruption, the same command resumes from there.",
 )
 _ANY_SIZE = click.option(
-    "--any-size", is_flag=True, help="Take a machine of more than 20 m or less than 1 mm too."
+    "--any-size", is_flag=True, help="Accept a machine larger than 20 m or smaller than 1 mm."
 )
 
 
@@ -76,39 +70,40 @@ _BOUNDS = click.option(
     "--subject-to",
     type=Bound(),
     multiple=True,
-    help="Worst value that a measure may have, 'width=0.5' [SI units]; several times for more.",
+    help="Constraint: worst value allowed of a measure, 'width=0.5' [SI units]; repeatable.",
 )
 
 
 @app.command()
 @_PROBLEM
-@click.option("--objective", help="Measure to make better; the first objective of the file without it.")
+@click.option("--objective", help="Measure to optimise; by default the first objective of the file.")
 @_BOUNDS
 @click.option(
-    "--method",
+    "--algorithm",
+    "method",
     type=click.Choice(("slsqp", "evolution")),
     default="slsqp",
     show_default=True,
-    help="Local optima from several starts by exact gradients, or differential evolution.",
+    help="SLSQP with exact gradients from several starts, or differential evolution.",
 )
-@click.option("--starts", type=Whole(1, 10_000), default=STARTS, show_default=True, help="Starts of slsqp.")
+@click.option(
+    "--starts", type=Whole(1, 10_000), default=STARTS, show_default=True, help="Number of starts of slsqp."
+)
 @click.option(
     "--generations",
     type=Whole(1, 1_000_000),
     default=GENERATIONS,
     show_default=True,
-    help="Most generations of evolution.",
+    help="Largest number of generations of evolutionary algorithms.",
 )
 @_SEED
-@click.option(
-    "--out", type=OutputFile("parameters"), help="Machine file to write (YAML): what --parameters takes."
-)
+@click.option("--out", type=OutputFile("parameters"), help="Parameter file to write: the optimum (YAML).")
 @click.option(
     "--report",
     type=OutputFile("report"),
-    help="Page that compares the optimum with the start (.html, .pdf; needs the extra 'report').",
+    help="Report to write, on the optimum beside the start (.html or .pdf; needs the extra 'report').",
 )
-@_RESUME
+@_STORE
 @FIGURE
 @JSON
 @_ANY_SIZE
@@ -122,16 +117,16 @@ def optimise(
     seed: int,
     out: Path | None,
     report: Path | None,
-    resume: Path | None,
+    store: Path | None,
     figure: Path | None,
     as_json: bool,
     any_size: bool,
 ) -> int:
-    """Find the machine that is best by one objective, and keeps all constraints.
+    """Optimise a design: minimise or maximise one objective under constraints.
 
-    PROBLEM is a YAML file: what may change and between which bounds, objectives, constraints. The tables say
-    what changes against the machine of the file, what binds, and what the optimum is worth on finer grids and
-    by the other way to the forces. Exit code 1 when no machine keeps all constraints.
+    PROBLEM is a YAML file: design variables with their bounds, objectives, constraints. The tables list the
+    changes against the machine of the file and the active constraints, and check the optimum on finer grids
+    and by the other method of inverse dynamics. Exit code 1 when no design satisfies all constraints.
     """
     protect((problem,), (out, report, figure))
     work = generations if method == "evolution" else starts
@@ -147,15 +142,23 @@ def optimise(
                 starts=starts,
                 generations=generations,
                 seed=seed,
-                store=resume,
-                resume=resume is not None,
+                store=store,
+                resume=store is not None,
                 progress=progress,
             )
         if out is not None:
             found.write_parameters(out)
     if report is not None:
         _write_report(found, report)
-    _tell_optimum(found, (out, report), figure, as_json)
+    data = _as_data(found) if as_json else None
+    _tell(
+        data,
+        optimum_tables(found),
+        found.notes,
+        (out, report),
+        figure,
+        lambda plots: plots.optimum_figure(found),
+    )
     return 0
 
 
@@ -163,32 +166,37 @@ def optimise(
 @_PROBLEM
 @_BOUNDS
 @click.option(
-    "--method",
+    "--algorithm",
+    "method",
     type=click.Choice(("epsilon", "nsga2", "nsga3")),
     default="epsilon",
     show_default=True,
-    help="Bounds on the second of two objectives; or genetic algorithms, polished (extra 'studio').",
+    help="Epsilon-constraint method for two objectives, or genetic algorithms (extra 'studio').",
 )
 @click.option(
-    "--points", type=Whole(2, 100_000), default=POINTS, show_default=True, help="Designs of the front."
+    "--points",
+    type=Whole(2, 100_000),
+    default=POINTS,
+    show_default=True,
+    help="Number of designs on the Pareto front.",
 )
 @click.option(
     "--population",
     type=Whole(4, 1_000_000),
     default=POPULATION,
     show_default=True,
-    help="Of genetic algorithms.",
+    help="Population of the genetic algorithms.",
 )
 @click.option(
     "--generations",
     type=Whole(1, 1_000_000),
     default=OF_FRONT,
     show_default=True,
-    help="Of genetic algorithms.",
+    help="Largest number of generations of evolutionary algorithms.",
 )
 @_SEED
-@click.option("--out", type=OutputFile("table"), help="Table of all designs to write (CSV).")
-@_RESUME
+@click.option("--out", type=OutputFile("table"), help="CSV file to write: all designs of the Pareto front.")
+@_STORE
 @FIGURE
 @JSON
 @_ANY_SIZE
@@ -201,15 +209,15 @@ def pareto(
     generations: int,
     seed: int,
     out: Path | None,
-    resume: Path | None,
+    store: Path | None,
     figure: Path | None,
     as_json: bool,
     any_size: bool,
 ) -> int:
-    """Find the machines that no other one beats in all objectives.
+    """Compute a Pareto front of designs: no other design is better in one objective and no worse in the rest.
 
-    PROBLEM is a YAML file as of 'optimise', with two objectives or more; those of genetic algorithms are
-    polished by exact gradients. Exit code 1 when no machine keeps all constraints.
+    PROBLEM is a YAML file as for 'optimise', with two or more objectives. Results of genetic algorithms are
+    refined with exact gradients. Exit code 1 when no design satisfies all constraints.
     """
     protect((problem,), (out, figure))
     with in_options(_WORDS):
@@ -223,13 +231,15 @@ def pareto(
                 population=population,
                 generations=generations,
                 seed=seed,
-                store=resume,
-                resume=resume is not None,
+                store=store,
+                resume=store is not None,
                 progress=progress,
             )
         if out is not None:
             found.to_csv(out)
-    _tell_front(found, out, figure, as_json)
+    columns = {name: values.tolist() for name, values in found.found.to_columns().items()}
+    data = {"front": columns, "method": found.method, "seed": found.seed} if as_json else None
+    _tell(data, front_tables(found), (), (out,), figure, lambda plots: plots.front_figure(found))
     return 0
 
 
@@ -249,23 +259,11 @@ def _require_one_motion(problem: DesignProblem) -> None:
 def _write_report(found: Optimum, path: Path) -> None:
     """Write the comparison of the optimum with the machine that there was, over the motion."""
     from p3dof.design.design_comparison import compare_designs
-    from p3dof.report.designs import write_designs
+    from p3dof.report.assessment import write_designs
 
     problem = found.problem
     machines = {"start": problem.machine(problem.start), "optimum": found.machine}
     write_designs(path, compare_designs(machines, problem.setting.motion))
-
-
-def _tell_optimum(
-    found: Optimum, written: tuple[Path | None, ...], figure: Path | None, as_json: bool
-) -> None:
-    console = Console()
-    if as_json:
-        print_plain(console, json.dumps(_as_data(found), indent=1))
-    else:
-        show(console, *optimum_tables(found), notes=True)
-        print_warnings(console, found.notes)
-    _files(console, found, "optimum_figure", written, figure, as_json)
 
 
 def _as_data(found: Optimum) -> dict[str, Any]:
@@ -283,30 +281,21 @@ def _as_data(found: Optimum) -> dict[str, Any]:
     }
 
 
-def _tell_front(found: Front, out: Path | None, figure: Path | None, as_json: bool) -> None:
-    console = Console()
-    if as_json:
-        columns = {name: values.tolist() for name, values in found.found.to_columns().items()}
-        print_plain(
-            console, json.dumps({"front": columns, "method": found.method, "seed": found.seed}, indent=1)
-        )
-    else:
-        show(console, *front_tables(found), notes=True)
-    _files(console, found, "front_figure", (out,), figure, as_json)
-
-
-def _files(
-    console: Console,
-    found: Any,
-    drawing: str,
+def _tell(
+    data: dict[str, Any] | None,
+    tables: Sequence[Table],
+    notes: Sequence[str],
     outputs: tuple[Path | None, ...],
     figure: Path | None,
-    quiet: bool,
+    draw: Callable[[Any], Any],
 ) -> None:
-    written = [path for path in outputs if path is not None]
-    if figure is not None:
-        from p3dof.report import plots
-
-        written.append(plots.save(getattr(plots, drawing)(found), figure))
-    for path in () if quiet else written:
-        print_plain(console, f"wrote {path}")
+    """Print what was found, as data where there are any and as tables else, and draw it."""
+    console = Console()
+    if data is not None:
+        print_plain(console, json.dumps(data, indent=1))
+    else:
+        show(console, *tables, notes=True)
+        print_warnings(console, notes)
+    written = [path for path in outputs if path is not None] + save_figure(draw, figure)
+    if data is None:
+        print_written(console, written)

@@ -1,40 +1,71 @@
-"""`p3dof simulate`: the machine in time, following a motion under controllers."""
+"""`p3dof simulate` and `p3dof runs`: the machine in time, under controllers; many machines."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
 from rich.console import Console
 
-from p3dof._base.errors import MissingExtraError
+from p3dof._base.errors import InputError
 from p3dof._base.files import together
-from p3dof.cli.actuation import ActuationOptions, with_actuation
 from p3dof.cli.app import app
-from p3dof.cli.files import OutputFolder
-from p3dof.cli.kinds import POSITIVE, Number
-from p3dof.cli.options import Case, with_load
-from p3dof.cli.output import print_plain, print_warnings, progress_bar, say, show
-from p3dof.cli.payloads import print_payloads
+from p3dof.cli.case import Case, with_load
+from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
+from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect, save_figure_if_possible, source
+from p3dof.cli.kinds import POSITIVE, Number, Whole, as_one
+from p3dof.cli.machine import any_size
+from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.closed_form.compiled.runs import available
-from p3dof.machine.motion.entering import RAMP, natural_ramp
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import RAMP
 from p3dof.machine.parameters import Limits, Parameters
-from p3dof.methods import DEFAULT_METHOD, METHODS
-from p3dof.runs import (
-    TIME_LIMIT,
-    InitialState,
-    Integration,
-    Simulation,
-    errors_table,
-)
-from p3dof.runs.controllers_by_name import CONTROLLERS
-from p3dof.runs.ways import IN_C
-from p3dof.runs.work import Work, estimate, require_affordable
+from p3dof.methods import METHODS
+from p3dof.runs import InitialState, Integration, Simulation, errors_table
+from p3dof.runs.controllers import CONTROLLERS
+from p3dof.runs.machine import COMPILED
+from p3dof.runs.many import failures, figures_table, read_runs, stops_table
+from p3dof.runs.settings import Work, estimate, require_affordable
 
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
+
+
+@dataclass(frozen=True)
+class _Feedback(Feedback):
+    integral_time: float | None  # of its feedback [s]
+
+    def controller(self, name: str, model: Parameters, motion: Motion) -> Any:
+        """Return a controller that has a model of the machine, and follows a motion."""
+        integral = np.inf if self.integral_time is None else self.integral_time
+        return CONTROLLERS[name](model, motion, self.frequency, self.damping, integral_time=integral)
+
+
+_with_feedback = as_one(
+    "feedback",
+    _Feedback,
+    RATE,
+    FREQUENCY,
+    DAMPING,
+    click.option(
+        "--integral-time",
+        type=POSITIVE,
+        help="Integral time of the controller [s]; by default no integral action.",
+    ),
+    click.option(
+        "--saturation", type=POSITIVE, help="Saturation of the actuator forces [N]; by default unlimited."
+    ),
+    ACTUATION,
+    click.option(
+        "--ramp",
+        type=Number(min=0),
+        help="Time over which the motion is entered from rest [s], 0 to start at its own velocity; by "
+        f"default {RAMP}, and 0 for a motion that starts at rest.",
+    ),
+)
 
 
 @app.command()
@@ -46,42 +77,29 @@ SAMPLES = 1001
     multiple=True,
     default=("all",),
     show_default=True,
-    help="Feedback at the sliders, the same with the inverse dynamics fed forward, or computed torque.",
+    help="PD control of the sliders, PD with inverse dynamics as feedforward, or computed torque.",
 )
-@click.option("--rate", type=POSITIVE, default=1000.0, show_default=True, help="Of the controller [Hz].")
-@click.option("--frequency", type=POSITIVE, default=5.0, show_default=True, help="Of its feedback [Hz].")
-@click.option(
-    "--damping", type=POSITIVE, default=1.0, show_default=True, help="Damping ratio of its feedback."
-)
-@click.option("--integral-time", type=POSITIVE, help="Of its integral [s]; none without it.")
+@_with_feedback
 @click.option(
     "--mass-error",
     type=Number(min=-1, min_open=True),
     default=0.0,
     show_default=True,
-    help="By how much the masses in the controller's model are wrong, as a share.",
-)
-@click.option("--saturation", type=POSITIVE, help="Largest force of an actuator [N]; unlimited without it.")
-@with_actuation
-@click.option(
-    "--ramp",
-    type=Number(min=0),
-    help="How long the motion takes to come from rest to its own rate [s], 0 to start as it does; "
-    f"{RAMP} without it, and 0 for a motion that starts at rest.",
+    help="Relative error of the masses in the model of the controller.",
 )
 @click.option(
     "--method",
     type=click.Choice(METHODS),
-    default=DEFAULT_METHOD,
+    default=COMPILED,
     show_default=True,
-    help="Integrate in y, z, θ, or Pinocchio's constrained dynamics of all joints.",
+    help="Forward dynamics: in y, z, θ (compiled C, or the paper's formulas), or of all joints by Pinocchio.",
 )
 @click.option(
     "--out",
     type=OutputFolder(),
     default="out",
     show_default=True,
-    help="Folder for the runs and the figure.",
+    help="Folder to write the simulations and the figure to.",
 )
 @click.option(
     "--format",
@@ -89,86 +107,82 @@ SAMPLES = 1001
     type=click.Choice(("csv", "npz")),
     default="csv",
     show_default=True,
-    help="Of the runs; npz also holds all joints.",
+    help="Format of the simulations; npz also holds all joints.",
 )
 @click.option(
-    "--time-limit",
-    type=POSITIVE,
-    default=TIME_LIMIT,
-    show_default=True,
-    help="Longest time that the runs may take [s], as estimated before they start.",
+    "--every-tick",
+    is_flag=True,
+    help="Write a row at every sample of the controller while simulating (CSV): for long simulations.",
 )
+@time_limit("the simulations")
 @click.option("--plot/--no-plot", default=True, help="Draw the figure (needs the extra 'plot').")
 def simulate(
     case: Case,
     controllers: tuple[str, ...],
-    rate: float,
-    frequency: float,
-    damping: float,
-    integral_time: float | None,
+    feedback: _Feedback,
     mass_error: float,
-    saturation: float | None,
-    actuation: ActuationOptions,
     ramp: float | None,
     method: str,
     out: Path,
     kind: str,
+    every_tick: bool,
     time_limit: float,
     plot: bool,
 ) -> int:
-    """Follow a motion under controllers: tracking errors on the screen, runs and a figure in a folder.
+    """Simulate the machine under control along a motion: prints tracking errors, writes results and a figure.
 
-    A run that could not be made in C says why, and what to do instead.
+    A simulation that cannot be compiled to C says why, and what to do.
 
-    Exit code 1 when a run ends before its time: its reason is printed, and its samples so far are kept.
+    Exit code 1 when a simulation ends early: the reason is printed, and its samples so far are kept.
     """
     names = tuple(CONTROLLERS) if "all" in controllers else tuple(dict.fromkeys(controllers))
     files = {name: out / f"simulation_{name}.{kind}" for name in names}
     figures = [out / f"tracking.{ending}" for ending in ("png", "svg")]
     case.protect(*files.values(), *figures)
     case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
-    chosen = natural_ramp(case.motion) if ramp is None else ramp
-    motion = case.motion.from_rest(chosen) if chosen else case.motion
+    motion, load = case.entered(ramp)
+    control = feedback.loop()
     samples = max(SAMPLES, len(motion))
-    control = actuation.loop(rate, saturation or False)
-    way = "C" if method in IN_C and available(case.robot.kernels) else method
+    if every_tick:
+        if kind != "csv":
+            raise InputError("--every-tick: writes CSV, leave out --format npz")
+        samples = round(motion.duration * (control.rate or 0.0)) + 1
+    way = "C" if method == COMPILED and available(case.robot.kernels) else method
     one = estimate(way, motion.duration, samples, control.changes, control.quickest)
     all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
-    require_affordable(all_runs, samples, time_limit, "--time-limit")
+    require_affordable(all_runs, 0 if every_tick else samples, time_limit, "--time-limit")
     model = _wrong(case.robot.parameters, mass_error)
     runs: dict[str, Simulation] = {}
     for name in names:
-        gains = {"integral_time": np.inf if integral_time is None else integral_time}
-        controller = CONTROLLERS[name](model, motion, frequency, damping, **gains)
         with progress_bar(name, len(motion)) as progress:
-            runs[name] = case.robot.simulate(
+            prepared = case.robot.prepare_run(
                 motion.duration,
-                start=InitialState(motion.pose[0], motion.velocity[0]),
-                controller=controller,
+                controller=feedback.controller(name, model, motion),
                 control=control,
-                wrench=case.load_along(chosen),
+                wrench=load,
                 method=method,
                 samples=samples,
                 integration=Integration(time_limit=time_limit),
-                progress=progress,
             )
+            start = InitialState(motion.pose[0], motion.velocity[0])
+            if every_tick:
+                runs[name] = prepared.stream(files[name], start, progress=progress)
+            else:
+                runs[name] = prepared(start, progress=progress)
     with together():
-        written = [run.save(files[name]) for name, run in runs.items()]
+        written = [files[name] if every_tick else run.save(files[name]) for name, run in runs.items()]
         if plot:
-            written += _draw(figures, runs)
-    console = Console()
-    print_payloads(console, case)
+            written += save_figure_if_possible(lambda plots: plots.tracking_figure(runs), *figures)
+    console = case.console()
     show(console, errors_table(runs))
+    print_plain(console, f"method: {', '.join(dict.fromkeys(run.method for run in runs.values()))}")
     print_warnings(console, case.robot.remarks(case.motion, wrench=case.history))
     _print_ratio(console, runs)
-    _print_limits(console, case.robot.parameters.limits, runs)
-    for name, run in runs.items():
-        if run.stop is not None:
-            console.print(f"{name}: ended by {run.stop}", style="yellow", highlight=False, soft_wrap=True)
+    print_warnings(console, _exceedances(case.robot.parameters.limits, runs))
+    print_warnings(console, [f"{name}: ended by {run.stop}" for name, run in runs.items() if run.stop])
     for note in dict.fromkeys(run.note for run in runs.values() if run.note):
         print_plain(console, note)
-    for path in written:
-        print_plain(console, f"wrote {path}")
+    print_written(console, written)
     return 0 if all(run.finished for run in runs.values()) else 1
 
 
@@ -176,13 +190,14 @@ def _wrong(parameters: Parameters, error: float) -> Parameters:
     return replace(parameters, bodies=parameters.bodies.scaled(1 + error)) if error else parameters
 
 
-def _print_limits(console: Console, limits: Limits, runs: dict[str, Simulation]) -> None:
+def _exceedances(limits: Limits, runs: dict[str, Simulation]) -> list[str]:
     """Say which limits the runs exceeded that do not end a run: of force and speed."""
-    for name, run in runs.items():
-        for exceedance in run.exceedances(limits):
-            if exceedance.quantity in {"force", "speed"}:
-                text = f"{name}: limit exceeded: {exceedance}"
-                console.print(text, style="yellow", highlight=False, soft_wrap=True)
+    return [
+        f"{name}: limit exceeded: {exceedance}"
+        for name, run in runs.items()
+        for exceedance in run.exceedances(limits)
+        if exceedance.quantity in {"force", "speed"}
+    ]
 
 
 def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
@@ -194,15 +209,77 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
         if run.peak_error.min() > 0:
             gains = plain.peak_error / run.peak_error
             text = ", ".join(f"{gain:.3g} in {axis}" for gain, axis in zip(gains, "yzθ", strict=True))
-            console.print(f"{name}: errors of pd alone are larger by {text}", highlight=False, soft_wrap=True)
+            print_plain(console, f"{name}: errors of pd alone are larger by {text}")
 
 
-def _draw(paths: list[Path], runs: dict[str, Simulation]) -> list[Path]:
-    from p3dof.report import plots
+@app.command()
+@click.argument("table", type=InputFile(), metavar="RUNS")
+@with_load
+@click.option(
+    "--controller",
+    type=click.Choice(tuple(CONTROLLERS)),
+    default="pd",
+    show_default=True,
+    help="PD control of the sliders, PD with inverse dynamics as feedforward, or computed torque; their "
+    "model is the machine of --parameters.",
+)
+@_with_feedback
+@click.option(
+    "--duration", type=POSITIVE, help="Duration of each simulation [s]; by default that of the motion."
+)
+@click.option(
+    "--step", type=POSITIVE, default=1e-3, show_default=True, help="Largest step of the RK4 integrator [s]."
+)
+@click.option("--threads", type=Whole(1, 1024), help="Number of threads; by default one a processor.")
+@time_limit("all simulations")
+@click.option(
+    "--out", type=OutputFile("run"), help="CSV or NPZ file to write: columns and results of every simulation."
+)
+def runs(
+    case: Case,
+    table: Path,
+    controller: str,
+    feedback: _Feedback,
+    ramp: float | None,
+    duration: float | None,
+    step: float,
+    threads: int | None,
+    time_limit: float,
+    out: Path | None,
+) -> int:
+    """Run a batch of simulations from a table: parameters, gains, initial states, payloads, noise.
 
-    try:
-        figure = plots.tracking_figure(runs)
-    except MissingExtraError as error:
-        say(f"no figure: {error}")
-        return []
-    return [plots.save(figure, path) for path in paths]
+    RUNS is a CSV or Parquet file with a row for each simulation, or - for CSV on the standard input. Its
+    columns are parameters of the machine as named in the parameter file, with dots (L [mm], platform.mass,
+    payload.mass); start.y, start.z, start.theta, start.vy, start.vz, start.vtheta; frequency, damping,
+    integral_time; wrench.fy, wrench.fz, wrench.my; seed. Everything else is the same for all simulations. A
+    simulation that is not possible gets a reason.
+
+    Exit code 1 when a simulation ends early.
+    """
+    protect((table, case.parameters, case.motion_file, case.wrench_file), (out,))
+    columns = read_runs(source(table), any_size())
+    motion, load = case.entered(ramp)
+    count = len(next(iter(columns.values())))
+    with in_options({"time_limit of Integration": "--time-limit"}), progress_bar("runs", count) as progress:
+        found = case.robot.simulate_many(
+            motion.duration if duration is None else duration,
+            columns,
+            start=InitialState(motion.pose[0], motion.velocity[0]),
+            controller=feedback.controller(controller, case.robot.parameters, motion),
+            control=feedback.loop(),
+            wrench=load,
+            integration=Integration(scheme="rk4", step=step, time_limit=time_limit),
+            progress=progress,
+            **({} if threads is None else {"threads": threads}),
+        )
+    if not found.done.any():
+        raise InputError("no run was done")
+    written = [] if out is None else [found.save(out)]
+    console = case.console()
+    show(console, stops_table(found), figures_table(found))
+    notes = [found.note] if found.note.startswith("one by one") else []
+    notes += ["interrupted: the runs that were done are kept"] if found.interrupted else []
+    print_warnings(console, [*notes, *failures(found, first=1)])
+    print_written(console, written)
+    return 0 if found.finished.all() else 1

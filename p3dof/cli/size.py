@@ -1,18 +1,23 @@
-"""`p3dof size`: which drives fit a task."""
+"""`p3dof size` and `p3dof balance`: which drives fit a task, and what balance spares them most."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import cast, get_args
 
 import click
 
+from p3dof._base.errors import InputError
 from p3dof.cli.app import app
+from p3dof.cli.case import LOAD_FRICTION, METHOD, STIFFNESS, Case, load_friction_in, stiffness_in
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.kinds import POSITIVE, Number, Whole
-from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.options import FIGURE, LOAD_FRICTION, METHOD, STIFFNESS, load_friction_in, stiffness_in
-from p3dof.cli.output import print_plain, progress_bar, show
+from p3dof.cli.kinds import DURATION, FIGURE, Whole, table_out
+from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
+from p3dof.cli.output import print_plain, print_written, progress_bar, show
+from p3dof.cli.work import BRAKE, REST
 from p3dof.design.assessment import frictionless
+from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_table, best_balance
 from p3dof.design.drives import (
     GENERIC,
     axes_table,
@@ -24,12 +29,16 @@ from p3dof.design.drives import (
     verdict,
     write_ranking,
 )
-from p3dof.design.drives.sizing import BRAKE_SAFETY
-from p3dof.design.fastest import limits_of
-from p3dof.design.forces_of_tasks import forces_of_task
+from p3dof.design.fastest import limits_of, sizing_table, within_limits
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
 from p3dof.design.sizing import size_drives
-from p3dof.design.task_limits import sizing_table, within_limits
 from p3dof.design.tasks import read_task
+from p3dof.machine.parameters import Body, write_parameters
+from p3dof.manipulator import Manipulator
+from p3dof.methods import InverseDynamics, Method
+
+_ALL = "all"
+_TASKS = (".yaml", ".yml")
 
 
 @app.command()
@@ -39,35 +48,19 @@ from p3dof.design.tasks import read_task
     "--drives",
     "catalogue_file",
     type=InputFile(),
-    help="Catalogue of motors, gears, screws and belts (YAML); generic sizes without it.",
+    help="Catalogue of motors, gears, screws and belts (YAML); by default generic sizes.",
 )
-@click.option(
-    "--duration",
-    type=POSITIVE,
-    help="Time of the whole task, dwells included [s]; not needed where all stops have one in the file.",
-)
-@click.option(
-    "--rest", type=Number(min=0), default=0.0, show_default=True, help="Time at rest after each task [s]."
-)
-@click.option(
-    "--brake-safety",
-    type=POSITIVE,
-    default=BRAKE_SAFETY,
-    show_default=True,
-    help="How much more a holding brake must hold than what it bears.",
-)
+@DURATION
+@REST
+@BRAKE
 @click.option(
     "--samples", type=Whole(2, 1_000_000), default=4001, show_default=True, help="Least number of samples."
 )
-@click.option("--top", type=Whole(1), default=10, show_default=True, help="How many drives to list.")
+@click.option("--top", type=Whole(1), default=10, show_default=True, help="Number of drives to list.")
 @METHOD
 @LOAD_FRICTION
 @STIFFNESS
-@click.option(
-    "--out",
-    type=OutputFile("table", stream=True),
-    help="CSV file, - for the standard output, for all drives.",
-)
+@table_out("all drives, ranked")
 @FIGURE
 def size(
     task_file: Path,
@@ -84,14 +77,12 @@ def size(
     out: Path | None,
     figure: Path | None,
 ) -> int:
-    """Say which drives fit a task, the weakest that does first, and what the first of them is used for.
+    """Size motors and screws for a task: lists the drives that fit, the smallest first.
 
-    Every motor of the catalogue is tried with every gear and every screw or belt, the same on all three axes.
-    Exit code 1 when none fits, the machine cannot do the task, or a limit of the machine or the task is
-    exceeded.
+    Every motor of the catalogue is combined with every gear and every screw or belt, the same on all three
+    axes. Exit code 1 when no drive fits, the machine cannot do the task, or a limit of the machine or of the
+    task is exceeded.
     """
-    from p3dof.report import plots
-
     protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
     task = read_task(source(task_file))
     catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
@@ -122,9 +113,95 @@ def size(
     written = write_results(
         lambda to: write_ranking(ranked, to),
         out,
-        lambda: plots.drives_figure(best, cycle_of(found, rest)),
         figure,
+        lambda plots: plots.drives_figure(best, cycle_of(found, rest)),
     )
-    for path in written:
-        print_plain(console, f"wrote {path}")
+    print_written(console, written)
     return 0 if best.fits and within else 1
+
+
+@app.command()
+@click.argument("file", metavar="[MOTION_OR_TASK]", required=False, type=InputFile())
+@PARAMETERS
+@click.option(
+    "--kind",
+    type=click.Choice((*get_args(BalanceKind), _ALL)),
+    default=_ALL,
+    show_default=True,
+    help="Kind of counterbalance: constant force, spring with a force at home, or counterweight.",
+)
+@click.option(
+    "--objective",
+    type=click.Choice(OBJECTIVES),
+    default="rms",
+    show_default=True,
+    help="What is minimised: root mean square or peak of the actuator forces.",
+)
+@PAYLOAD
+@click.option(
+    "--wrench", "wrench_file", type=InputFile(), help="External load on the platform over a motion (CSV)."
+)
+@click.option(
+    "--samples", type=Whole(2, 1_000_000), help="Number of samples of the paper's motion or of a task."
+)
+@DURATION
+@METHOD
+@click.option(
+    "--out",
+    type=OutputFile("parameters"),
+    help="Parameter file to write: the machine with the counterbalance (YAML).",
+)
+@FIGURE
+def balance(
+    file: Path | None,
+    parameters: Path | None,
+    kind: str,
+    objective: Objective,
+    payload: Body | None,
+    wrench_file: Path | None,
+    samples: int | None,
+    duration: float | None,
+    method: Method,
+    out: Path | None,
+    figure: Path | None,
+) -> int:
+    """Optimise the counterbalance of each slider: the least root mean square or peak of the actuator forces.
+
+    For a motion file (CSV), a task file (YAML) with its dwells and payloads, or the paper's motion. A
+    counterbalance of the same kind that the machine has already is replaced. --out writes the machine with
+    the counterbalance of --kind.
+    """
+    protect((file, parameters, wrench_file), (out, figure))
+    if kind == _ALL and (out, figure) != (None, None):
+        raise click.UsageError("--out and --figure need one kind of counterbalance: choose it with --kind")
+    if file is not None and file.suffix.lower() in _TASKS:
+        if wrench_file is not None:
+            raise click.UsageError("--wrench belongs to a motion; a task has its loads in its file")
+        robot = machine_of(parameters, payload)
+        plan = read_task(source(file)).plan(duration, 1001 if samples is None else samples)
+        found: InverseDynamics | TaskForces = forces_of_task(robot, plan, method)
+    else:
+        robot, found = _moved(Case(parameters, file, samples, payload, wrench_file), duration, method)
+    kinds = get_args(BalanceKind) if kind == _ALL else (kind,)
+    best = [best_balance(robot, found, cast(BalanceKind, one), objective) for one in kinds]
+    console = console_beside(out)
+    show(console, *(balance_table(one) for one in best), notes=True)
+
+    def save(path: Path) -> Path:
+        own = machine_of(parameters).parameters  # what the option adds is no part of the machine
+        write_parameters(replace(own, actuators=best[0].actuators), path)
+        return path
+
+    drawn = write_results(save, out, figure, lambda plots: plots.balance_figure(best[0]))
+    print_written(console, drawn)
+    return 0
+
+
+def _moved(case: Case, duration: float | None, method: Method) -> tuple[Manipulator, InverseDynamics]:
+    """Return a machine and its forces over a motion."""
+    if duration is not None:
+        raise click.UsageError("--duration belongs to a task; a motion has its own times")
+    result, _ = case.solve(method)
+    if not result.possible:
+        raise InputError("the machine cannot make this motion")
+    return case.robot, result

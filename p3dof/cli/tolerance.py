@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,13 @@ from p3dof._base.checks import Progress
 from p3dof.analysis.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
 from p3dof.analysis.tolerances import sensitivity as sensitivity_of
 from p3dof.analysis.tolerances import tolerance as tolerance_of
-from p3dof.analysis.tolerances.files import plain_of
+from p3dof.analysis.tolerances.tolerance import plain_of
 from p3dof.cli.app import app
-from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, source
-from p3dof.cli.kinds import POSITIVE, Pose, Whole
-from p3dof.cli.options import FIGURE, Case, with_load
-from p3dof.cli.output import in_options, print_plain, progress_bar, show
-from p3dof.cli.payloads import print_payloads
+from p3dof.cli.case import Case, with_load
+from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, save_figure, source
+from p3dof.cli.kinds import FIGURE, POSITIVE, Whole, options
+from p3dof.cli.machine import Pose, say_payloads
+from p3dof.cli.output import in_options, print_written, progress_bar, show
 
 _WORDS = {
     "resume=True": "--resume",
@@ -57,33 +57,25 @@ class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewis
         return name.strip(), number
 
 
-def _work(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command what long work needs."""
-    options = (
-        click.option(
-            "--solids", is_flag=True, help="Compute all bodies from their solids, whose sizes may vary."
-        ),
-        click.option(
-            "--fix",
-            "fixed",
-            type=Named(),
-            multiple=True,
-            help="Number that is not that of the machine, such as a size of its solids: 'rod_radius=3 mm'.",
-        ),
-        click.option(
-            "--seed", type=Whole(0, 2**63), default=0, show_default=True, help="Of the random numbers."
-        ),
-        click.option("--workers", type=Whole(1, 4096), help="Worker processes; this one without it."),
-        click.option(
-            "--out", type=OutputFolder(), help="Folder to store machines in, so that it can be resumed."
-        ),
-        click.option("--resume", is_flag=True, help="Go on with what is in the folder of --out."),
-        FIGURE,
-        JSON,
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
+_work = options(
+    click.option("--solids", is_flag=True, help="Compute all bodies from the solids of each design."),
+    click.option(
+        "--fix",
+        "fixed",
+        type=Named(),
+        multiple=True,
+        help="Fixed value that differs from the machine, such as a size of its solids: 'rod_radius=3 mm'.",
+    ),
+    click.option(
+        "--seed", type=Whole(0, 2**63), default=0, show_default=True, help="Seed of the random numbers."
+    ),
+    click.option("--workers", type=Whole(1, 4096), help="Number of worker processes; by default none."),
+    click.option("--out", type=OutputFolder(), help="Folder to write the sampled machines to; see --resume."),
+    click.option("--resume", is_flag=True, help="Resume the work in the folder of --out."),
+    FIGURE,
+    JSON,
+)
+"""What long work needs."""
 
 
 @app.command()
@@ -91,23 +83,23 @@ def _work(command: Callable[..., Any]) -> Callable[..., Any]:
 @with_load
 @click.option(
     "--sigma", "sigmas", type=Named(), multiple=True,
-    help="Standard deviation of a parameter, 'R=0.1 mm' or 'platform.mass=2 %'; several times for more.",
+    help="Standard deviation of a parameter, 'R=0.1 mm' or 'platform.mass=2 %'; repeatable.",
 )  # fmt: skip
 @click.option(
     "--pose", "poses", type=Pose(), multiple=True,
-    help="Ask for the static error of this pose instead of forces: '0.1,0,-30 deg'; several times for more.",
+    help="Pose of the platform, '0.1,0,-30 deg', for its static error instead of forces; repeatable.",
 )  # fmt: skip
 @click.option(
     "--machines", type=Whole(2, 10_000_000),
-    help="Draw so many machines at random; first order by exact derivatives without it.",
+    help="Monte Carlo: number of sampled machines; by default first order, with exact derivatives.",
 )  # fmt: skip
 @click.option(
     "--spread", type=click.Choice(("normal", "uniform")), default="normal", show_default=True,
-    help="How parameters of machines drawn are spread.",
+    help="Distribution of the parameters of sampled machines.",
 )  # fmt: skip
 @click.option(
     "--worst", type=POSITIVE, default=3.0, show_default=True,
-    help="How many standard deviations all parameters are off in the worst case.",
+    help="Worst case: deviation of all parameters, in standard deviations.",
 )  # fmt: skip
 @_work
 def tolerance(
@@ -122,12 +114,11 @@ def tolerance(
     as_json: bool,
     **work: Any,
 ) -> int:
-    """Say how uncertain the forces over a motion, or poses, are: no machine is what its drawing says.
+    """Tolerance analysis: the uncertainty of the forces over a motion, or of poses, from that of parameters.
 
-    FILE is a YAML file with a field 'sigma': standard deviations by names of parameters, as columns of
-    'designs' have them (R, leg.mass, friction.viscous.sliders), with a unit or as a share in percent. With
-    --pose they are R, r, L and encoder, which each leg has on its own, or those of one leg: L.a. --sigma adds
-    to them.
+    FILE is a YAML file with a field 'sigma': standard deviations by parameter, named as the columns of
+    'designs' (R, leg.mass, friction.viscous.sliders), with a unit or in percent. With --pose the parameters
+    are R, r, L and encoder, independent for each leg, or of one leg: L.a. --sigma adds to those of FILE.
     """
     protect((file, case.parameters, case.motion_file, case.wrench_file), (figure,))
     sigma = {**(read_uncertainty(source(file)).sigma if file is not None else {}), **dict(sigmas)}
@@ -144,10 +135,10 @@ def tolerance(
     asked: dict[str, Any] = {"sigma": sigma, "worst": worst, "spread": spread}
     asked |= {"samples": machines, "method": "montecarlo"} if machines else {}
     asked |= {"pose": list(poses)} if poses else {"motion": case.motion, "wrench": case.wrench}
-    with _prepared("machines", machines, work) as options:
+    with _prepared("machines", machines, work) as own:
         if poses:
-            del options["bodies"], options["fixed"]
-        found = tolerance_of(case.robot, **asked, **options)
+            del own["bodies"], own["fixed"]
+        found = tolerance_of(case.robot, **asked, **own)
     return _tell(case, found, tolerance_tables(found), "tolerance_figure", figure, as_json)
 
 
@@ -156,16 +147,25 @@ def tolerance(
 @with_load
 @click.option(
     "--vary", "variables", type=Named(), multiple=True,
-    help="Range of a parameter, 'R=10 %', 'L=[380 mm, 420 mm]' or 'leg.mass={normal: [1 kg, 20 g]}'; several "
-    "times for more.",
+    help="Parameter range, 'R=10 %', 'L=[38 mm, 42 mm]' or 'leg.mass={normal: [1 kg, 20 g]}'; repeatable.",
 )  # fmt: skip
-@click.option("--of", "result", default="peak_force", show_default=True, help="A figure as of 'designs'.")
-@click.option("--local", is_flag=True, help="Exact derivatives at the machine, instead of Sobol' indices.")
+@click.option(
+    "--of",
+    "result",
+    default="peak_force",
+    show_default=True,
+    help="Result whose sensitivity is computed, a column of 'designs'.",
+)
+@click.option(
+    "--local", is_flag=True, help="Local sensitivities (exact derivatives) instead of Sobol' indices."
+)
 @click.option(
     "--rows", type=Whole(2, 2**28), default=4096, show_default=True,
-    help="Matched rows of machines, each as many as there are variables and two; powers of two are best.",
+    help="Base samples of the Sobol' indices (a power of two), each of as many machines as variables plus 2.",
 )  # fmt: skip
-@click.option("--drop-missing", is_flag=True, help="Leave out rows of machines that cannot make the motion.")
+@click.option(
+    "--drop-missing", is_flag=True, help="Leave out base samples with a machine that cannot make the motion."
+)
 @_work
 def sensitivity(
     case: Case,
@@ -179,17 +179,17 @@ def sensitivity(
     as_json: bool,
     **work: Any,
 ) -> int:
-    """Say which parameters the forces depend on: Sobol' indices over ranges, or exact derivatives.
+    """Compute the sensitivities of the forces to parameters: Sobol' indices over ranges, or local ones.
 
-    FILE is a YAML file with a field 'variables': ranges by names of parameters, as columns of 'designs' have
-    them. --vary adds to them.
+    FILE is a YAML file with a field 'variables': ranges by parameter, named as the columns of 'designs'.
+    --vary adds to those of FILE.
     """
     protect((file, case.parameters, case.motion_file, case.wrench_file), (figure,))
     given = {**(read_uncertainty(source(file)).variables if file is not None else {}), **dict(variables)}
     if local and (work["out"] is not None or work["workers"] is not None or work["resume"]):
         raise click.UsageError("--out, --resume and --workers do not belong to --local, which takes no time")
     method: Any = "gradient" if local else "sobol"
-    with _prepared("machines", None if local else rows * (len(given) + 2), work) as options:
+    with _prepared("machines", None if local else rows * (len(given) + 2), work) as own:
         found = sensitivity_of(
             case.robot,
             case.motion,
@@ -199,7 +199,7 @@ def sensitivity(
             wrench=case.wrench,
             rows=rows,
             on_missing="drop" if drop_missing else "raise",
-            **options,
+            **own,
         )
     return _tell(case, found, (sensitivity_table(found),), "sensitivity_figure", figure, as_json)
 
@@ -231,10 +231,7 @@ def _tell(
     if as_json:
         click.echo(json.dumps(plain_of(found)))
     else:
-        print_payloads(console, case)
+        say_payloads(console, case.robot.parameters, case.parameters, case.payload)
         show(console, *tables, notes=True)
-    if figure is not None:
-        from p3dof.report import plots
-
-        print_plain(console, f"wrote {plots.save(getattr(plots, draw)(found), figure)}")
+    print_written(console, save_figure(lambda plots: getattr(plots, draw)(found), figure))
     return 0

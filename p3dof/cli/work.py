@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ import click
 from p3dof._base.errors import P3dofError, ParameterError, TaskError
 from p3dof._base.files import called
 from p3dof.analysis.reactions import Stiffness
+from p3dof.cli.case import LOAD_FRICTION, load_friction_in
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.kinds import POSITIVE, Number
-from p3dof.cli.options import LOAD_FRICTION, load_friction_in
+from p3dof.cli.kinds import DURATION, POSITIVE, Number, as_one
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.design.assessment import Assessment, assess
 from p3dof.design.bearings import read_bearings
@@ -31,73 +31,44 @@ from p3dof.methods.registry import Method
 SAMPLES = 2001
 """Least number of samples of a planned task."""
 
+REST = click.option(
+    "--rest", type=Number(min=0), default=0.0, show_default=True, help="Time at rest after each cycle [s]."
+)
+BRAKE = click.option(
+    "--brake-safety",
+    type=POSITIVE,
+    default=BRAKE_SAFETY,
+    show_default=True,
+    help="Safety factor of holding brakes.",
+)
 _OPTIONS = (
+    click.option("--drives", type=InputFile(), help="Catalogue of motors, gears, screws and belts (YAML)."),
     click.option(
-        "--drives",
-        type=InputFile(),
-        help="Catalogue of motors, gears, screws and belts (YAML) to choose from.",
-    ),
-    click.option(
-        "--bearings", type=InputFile(), help="Ratings of bearings and guides (YAML), for their lives."
+        "--bearings", type=InputFile(), help="Ratings of bearings and guides (YAML), for their life."
     ),
     LOAD_FRICTION,
+    DURATION,
     click.option(
-        "--duration",
-        type=POSITIVE,
-        help="Time of the whole task, dwells included [s]; not needed where all stops have one in the file.",
+        "--fastest",
+        is_flag=True,
+        help="Plan the time-optimal motion of the task within the limits of the machine.",
     ),
-    click.option(
-        "--fastest", is_flag=True, help="Plan the fastest motion of the task within the machine's limits."
-    ),
-    click.option(
-        "--rest",
-        type=Number(min=0),
-        default=0.0,
-        show_default=True,
-        help="Time at rest after each cycle [s].",
-    ),
-    click.option(
-        "--brake-safety",
-        type=POSITIVE,
-        default=BRAKE_SAFETY,
-        show_default=True,
-        help="How much more a holding brake must hold than what it bears.",
-    ),
+    REST,
+    BRAKE,
 )
-
-
-def WORK(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - used as the other options are
-    """Give a command the options of a `Work`."""
-    for option in reversed(_OPTIONS):
-        command = option(command)
-    return command
 
 
 @dataclass(frozen=True)
 class Work:
-    """What a machine has to do it with, as the options name it.
+    """What a machine has to do it with, as the options name it."""
 
-    Parameters
-    ----------
-    drives, bearings, load_friction : Path, optional
-        Files to read.
-    duration : float, optional
-        Of tasks [s].
-    fastest : bool
-        Whether tasks are done as fast as the limits allow.
-    rest : float
-        After each cycle [s].
-    brake_safety : float
-        Of holding brakes.
-    """
-
-    drives: Path | None
+    drives: Path | None  # files to read
     bearings: Path | None
     load_friction: Path | None
-    duration: float | None
-    fastest: bool
-    rest: float
-    brake_safety: float
+    duration: float | None  # of tasks [s]
+    fastest: bool  # whether tasks are done as fast as the limits allow
+    rest: float  # after each cycle [s]
+    brake_safety: float  # of holding brakes
 
     @property
     def asks(self) -> bool:
@@ -172,6 +143,10 @@ class Work:
                 name=name,
                 progress=progress,
             )
+
+
+with_work = as_one("work", Work, *_OPTIONS)
+"""The options of a `Work`, and these as the argument `work`."""
 
 
 def task_named(path: Path) -> Task:

@@ -1,4 +1,4 @@
-"""`p3dof workspace`: where the machine can work, and how well."""
+"""`p3dof workspace` and `p3dof indices`: where the machine can work, and how well."""
 
 from __future__ import annotations
 
@@ -12,36 +12,105 @@ import click
 import numpy as np
 from rich.console import Console
 
-from p3dof._base.files import together
+from p3dof._base.errors import ParameterError
+from p3dof._base.files import together, write_table
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, SPEED, Quantity
 from p3dof._base.tables import Table, table_of
-from p3dof.analysis.indices import COLUMNS, check_names, write_dataset
+from p3dof.analysis.indices import COLUMNS, DEFINITIONS, check_names, columns_of, indices_table, write_dataset
+from p3dof.analysis.indices.results import DRIVE
+from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.analysis.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
 from p3dof.cli.app import app
-from p3dof.cli.files import JSON, InputFile, OutputFile, protect, source
-from p3dof.cli.kinds import Number, Payload, Span, Triple
-from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.options import FIGURE, Amount
-from p3dof.cli.output import print_plain, show
+from p3dof.cli.case import Case, with_load
+from p3dof.cli.files import JSON, InputFile, OutputFile, protect, save_figure, source, write_results
+from p3dof.cli.kinds import FIGURE, POSITIVE, Amount, Number
+from p3dof.cli.machine import PARAMETERS, PAYLOAD, Pose, machine_of
+from p3dof.cli.output import print_plain, print_written, show
 from p3dof.machine.motion import Motion, paper_motion
 from p3dof.machine.parameters import Body
-from p3dof.machine.parameters.quantities import ANGLE, FORCE, LENGTH, SPEED
+
+_OTHERS = {"m/s": ("mm/s",), "rad/s": ("deg/s", "rpm"), "m/s^2": ("mm/s^2",), "rad/s^2": ("deg/s^2",)}
+"""Further units of numbers of three."""
+
+
+class Triple(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """Three numbers, of y, z and θ, with units or in SI units."""
+
+    name = "Y,Z,THETA"
+
+    def __init__(self, *units: str) -> None:
+        self._kinds = [Quantity("a number", unit, _OTHERS.get(unit, ())) for unit in units]
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float]:
+        """Return the numbers."""
+        if isinstance(value, tuple):
+            return value
+        parts = str(value).split(",")
+        try:
+            y, z, theta = (
+                float(kind.read(part.strip(), "number"))
+                for kind, part in zip(self._kinds, parts, strict=True)
+            )
+        except (ParameterError, ValueError):
+            units = ", ".join(kind.unit for kind in self._kinds)
+            self.fail(f"expected three numbers, of y, z and theta [{units}], got {value!r}", param, ctx)
+        return y, z, theta
+
+
+class Span(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
+    """A range around zero, ``MOST`` to both sides or ``FROM,TO``, with a unit or in SI units."""
+
+    name = "MOST|FROM,TO"
+
+    def __init__(self, quantity: Quantity, example: str) -> None:
+        self._quantity, self._example = quantity, example
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float]:
+        """Return the ends."""
+        if isinstance(value, tuple):
+            return value
+        parts = [part.strip() for part in str(value).split(",")]
+        rule = f"expected one number or two such as {self._example}, got {value!r}"
+        try:
+            ends = [float(self._quantity.read(part, "number")) for part in parts]
+        except (ParameterError, ValueError):
+            self.fail(rule, param, ctx)
+        if len(ends) == 1 and ends[0] > 0:
+            return -ends[0], ends[0]
+        if len(ends) != 2:
+            self.fail(rule, param, ctx)
+        return ends[0], ends[1]
+
+
+_LENGTH = click.option(
+    "--length",
+    type=Amount(LENGTH),
+    help="Characteristic length ℓ of the indices; by default r of the machine.",
+)
 
 
 @app.command()
 @PARAMETERS
-@click.option("--payload", type=Payload(), help="Point mass on the platform [kg], at P or at x,y,z [m].")
+@PAYLOAD
 @click.option("--travel", type=Span(LENGTH, "'200 mm' or '-150 mm,200 mm'"), help="Stroke of the sliders.")
 @click.option("--tilt", type=Span(ANGLE, "'30 deg' or '-30 deg,45 deg'"), help="Range of the rotation θ.")
-@click.option("--speed", type=Amount(SPEED), help="Largest slider speed.")
-@click.option("--force", type=Amount(FORCE), help="Largest force of each actuator.")
+@click.option("--max-speed", "speed", type=Amount(SPEED), help="Limit of the slider speeds [m/s].")
+@click.option("--max-force", "force", type=Amount(FORCE), help="Limit of the force of each actuator [N].")
 @click.option(
-    "--serial", type=Number(min=0, max=1), default=0.0, help="Least S/L of each leg; 0 is its singularity."
+    "--serial",
+    type=Number(min=0, max=1),
+    default=0.0,
+    help="Margin from serial singularities: least S/L of each leg.",
 )
 @click.option(
     "--actuation",
     type=Amount(ANGLE, zero=True),
     default=0.0,
-    help="Least angle from det J = 0, such as '15 deg'.",
+    help="Margin from parallel singularities: least angle from det J = 0, such as '15 deg'.",
 )
 @click.option(
     "--velocity",
@@ -53,20 +122,26 @@ from p3dof.machine.parameters.quantities import ANGLE, FORCE, LENGTH, SPEED
     type=Triple("m/s^2", "m/s^2", "rad/s^2"),
     help="Accelerations along y, z and θ, each alone from rest, that the force limit must allow.",
 )
-@click.option("--index", "indices", multiple=True, help="Index to tell of and to draw, such as lti; several.")
-@click.option("--length", type=Amount(LENGTH), help="Characteristic length of indices; r without it.")
-@click.option("--motion", "motion_file", type=InputFile(), help="Motion file whose path to draw and check.")
+@click.option(
+    "--index", "indices", multiple=True, metavar="NAME", help="Performance index, such as lti; repeatable."
+)
+@_LENGTH
+@click.option(
+    "--motion", "motion_file", type=InputFile(), help="Motion file (CSV) whose path is drawn and checked."
+)
 @click.option("--paper-motion", "paper", is_flag=True, help="Draw and check the path of the paper's motion.")
 @click.option(
     "--view",
     type=click.Choice(("map", "slices", "loci")),
     default="map",
     show_default=True,
-    help="What --figure draws: indices over (y, θ), one over (y, z), or singularities all around.",
+    help="What --figure draws: maps of indices over (y, θ), slices over (y, z), or singularity loci.",
 )
 @FIGURE
 @click.option(
-    "--out", type=OutputFile("map"), help="netCDF file (.nc) for the map of the indices, or of all."
+    "--out",
+    type=OutputFile("map"),
+    help="NetCDF file (.nc) to write: maps of the indices, by default of all.",
 )
 @JSON
 def workspace(
@@ -86,10 +161,10 @@ def workspace(
     as_json: bool,
     **limits: Any,
 ) -> int:
-    """Say where the machine can work within stroke, tilt and margins: volume, areas, largest boxes.
+    """Compute the workspace within stroke, tilt and margins: volume, areas, largest boxes.
 
-    Limits are the machine's own where none are given. Nothing is counted on a grid: sizes come from closed
-    forms. Exit code 1 when the motion leaves the workspace.
+    By default, the limits are those of the machine. Sizes are computed in closed form, not on a grid. Exit
+    code 1 when the motion leaves the workspace.
     """
     protect((parameters, motion_file), (figure, out))
     names = check_names(indices)
@@ -113,8 +188,7 @@ def workspace(
         show(console, workspace_table(space), box_table(space), *_table(means), notes=True)
         if motion is not None:
             print_plain(console, outside or f"the motion stays inside ({len(motion)} samples)")
-    for path in _written(space, names, motion, view, figure, out, options):
-        print_plain(console, f"wrote {path}")
+    print_written(console, _written(space, names, motion, view, figure, out, options))
     return 1 if outside else 0
 
 
@@ -173,18 +247,99 @@ def _written(
     options: dict[str, Any],
 ) -> list[Path]:
     """Write the figure and the map, both or none."""
+
+    def draw(plots: Any) -> Any:
+        if view == "map":
+            return plots.map_figure(space, *names, motion=motion, box=not names, **options)
+        if view == "slices":
+            return plots.slices_figure(space, *names[:1], motion=motion, **options)
+        return plots.loci_figure(space, motion)
+
     written = []
     with together():
         if out is not None:
             written.append(write_dataset(space.map(*names, **options), out))
-        if figure is not None:
-            from p3dof.report import plots
-
-            if view == "map":
-                drawn = plots.map_figure(space, *names, motion=motion, box=not names, **options)
-            elif view == "slices":
-                drawn = plots.slices_figure(space, *names[:1], motion=motion, **options)
-            else:
-                drawn = plots.loci_figure(space, motion)
-            written.append(plots.save(drawn, figure))
+        written += save_figure(draw, figure)
     return written
+
+
+@app.command()
+@with_load
+@click.option(
+    "--pose",
+    "poses",
+    type=Pose(),
+    multiple=True,
+    help="Pose of the platform, '0.1,0,-30 deg'; repeatable. By default, along the motion.",
+)
+@click.option(
+    "--index",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help=f"Performance index; repeatable. By default all: {', '.join(DEFINITIONS)}.",
+)
+@_LENGTH
+@click.option(
+    "--drive-stiffness",
+    type=POSITIVE,
+    default=DRIVE,
+    show_default=True,
+    help="Stiffness of each drive [N/m]; the default is a guess.",
+)
+@click.option(
+    "--rod-diameter",
+    type=Amount(LENGTH),
+    help="Diameter of legs and rods; by default from their mass, in steel.",
+)
+@click.option("--rigid-rods", is_flag=True, help="Rigid legs and rods.")
+@click.option(
+    "--out",
+    type=OutputFile("table", stream=True),
+    help="CSV file to write, - for the standard output: a row for each pose.",
+)
+@JSON
+def indices(
+    case: Case,
+    poses: tuple[list[float], ...],
+    names: tuple[str, ...],
+    length: float | None,
+    drive_stiffness: float,
+    rod_diameter: float | None,
+    rigid_rods: bool,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Compute performance indices at poses, or their least, mean and largest values along a motion.
+
+    Condition, accuracy, motion/force transmission, speeds and accelerations within the limits, static
+    actuator forces, inertia at the actuators, natural frequencies. Those with ℓ in their definition depend on
+    the characteristic length.
+    """
+    case.protect(out)
+    if rigid_rods and rod_diameter is not None:
+        raise click.UsageError("--rigid-rods and --rod-diameter exclude each other")
+    if poses and case.motion_file is not None:
+        raise click.UsageError("--pose and --motion exclude each other")
+    if as_json and out is not None and str(out) == "-":
+        raise click.UsageError("--json and --out - both take the standard output")
+    wanted = check_names(names) or tuple(COLUMNS)
+    rods = None if rigid_rods else RodSection(diameter=rod_diameter)
+    where = np.array(poses, dtype=float) if poses else case.motion.pose
+    found = case.robot.indices(where, length, drive_stiffness=drive_stiffness, rods=rods)
+    columns = columns_of(found, wanted)
+    table = {"y [m]": where[:, 0], "z [m]": where[:, 1], "theta [rad]": where[:, 2]}
+    if not poses:
+        table = {"t [s]": case.motion.time, **table}
+    table |= {f"{name} [{COLUMNS[name].unit_of(name)}]": values for name, values in columns.items()}
+    write_results(lambda path: write_table(path, list(table), tuple(table.values())), out)
+    console = Console(stderr=True) if as_json else case.console(out)
+    if as_json:
+        plain: dict[str, Any] = {"length": found.length, "pose": where.tolist()}
+        plain["indices"] = {
+            name: [None if np.isnan(v) else float(v) for v in values] for name, values in columns.items()
+        }
+        sys.stdout.write(json.dumps(plain) + "\n")
+    else:
+        show(console, indices_table(found, columns), notes=True)
+    return 0

@@ -1,12 +1,8 @@
-"""The first way to the forces: the paper's equations, on scalars, over arrays, and compiled."""
+"""The first method: the paper's equations, on scalars, over arrays, and compiled.
 
-import lazy_loader
+Each name is imported when it is first used.
+"""
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [
-        "compiled",
-        "kinematics",
-        "paper",
-    ],
-)
+from p3dof._base import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,29 +1,73 @@
-"""The numbers of a machine as the functions in C take them, and how they follow from its parameters."""
+"""The numbers of a machine as the functions in C take them, and how they follow from its parameters.
+
+Traced formulas again on another tape, with some of their values replaced by numbers or other symbols.
+
+So one trace serves many machines: with the numbers of one put in, what is known is computed and what is zero
+vanishes.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from functools import cache
 
 from p3dof._base.errors import ParameterError
 from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import MODEL
-from p3dof.closed_form.compiled.reduced.friction import FRICTION, JOINTS, folded
+from p3dof.closed_form.compiled.reduced.dynamics import FRICTION, JOINTS, folded
 from p3dof.closed_form.paper.formulas import Lengths
 from p3dof.closed_form.paper.inertials import Inertial
-from p3dof.codegen.replay import replay
 from p3dof.machine.parameters import LINKS, SLIDES, Parameters
 
-MACHINE = (*MODEL, *FRICTION)
-"""The numbers of a machine."""
+_ON_NUMBERS: dict[str, Callable[..., float]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+    "min": min,
+    "sqrt": math.sqrt,
+    "sin": math.sin,
+    "cos": math.cos,
+    "tanh": math.tanh,
+}
+_ON_TAPE = {
+    "add": "add",
+    "sub": "subtract",
+    "mul": "multiply",
+    "div": "divide",
+    "neg": "negate",
+    "min": "minimum",
+}
+
+
+def replay(
+    source: Tape, results: Sequence[Number], known: MutableMapping[int, Number], tape: Tape
+) -> list[Number]:
+    """Return results of one tape on another."""
+    for index in source.needed(results, known):
+        operation = source.operations[index]
+        operands = [_value(operand, known) for operand in operation.operands]
+        if any(isinstance(operand, Symbol) for operand in operands):
+            known[index] = getattr(tape, _ON_TAPE.get(operation.name, operation.name))(*operands)
+        else:
+            known[index] = _ON_NUMBERS[operation.name](*operands)
+    return [_value(result, known) for result in results]
+
+
+def _value(value: Number, known: Mapping[int, Number]) -> Number:
+    return known[value.index] if isinstance(value, Symbol) else value
+
+
+MACHINE = (*MODEL, *FRICTION)  # the numbers of a machine
 
 NOT_NUMBERS = "the numbers of this machine are too large or too small for double precision"
 """What is wrong with a machine whose numbers overflow."""
 
-INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")
-"""Order of the entries of an inertia in C."""
+INERTIA = ("xx", "xy", "xz", "yy", "yz", "zz")  # order of the entries of an inertia in C
 
 
 def body_names(link: str) -> list[str]:
@@ -46,16 +90,7 @@ GIVEN = (
 
 @cache
 def preparation() -> tuple[Tape, dict[str, Symbol], list[Number]]:
-    """Return how the numbers of a machine, `MACHINE`, follow from its parameters, `GIVEN`.
-
-    Returns
-    -------
-    tape : Tape
-    symbols : dict of str to Symbol
-        The parameters by name.
-    numbers : list of Symbol
-        In the order of `MACHINE`.
-    """
+    """Return how the numbers of a machine, `MACHINE`, follow from its parameters, `GIVEN`."""
     tape = Tape()
     given = dict(zip(GIVEN, tape.symbols(GIVEN), strict=True))
     r, R, L = given["r"], given["R"], given["L"]
@@ -72,17 +107,7 @@ def preparation() -> tuple[Tape, dict[str, Symbol], list[Number]]:
 
 
 def parameter_row(parameters: Parameters) -> list[float]:
-    """Return the parameters of a machine in the order of `GIVEN`.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    list of float
-    """
+    """Return the parameters of a machine in the order of `GIVEN`."""
     geometry, friction = parameters.geometry, parameters.friction
     row = [geometry.r, geometry.R, geometry.L, *parameters.gravity.tolist()]
     for _, body in tuple(parameters.bodies.items()):
@@ -96,18 +121,7 @@ def parameter_row(parameters: Parameters) -> list[float]:
 
 
 def limit_row(parameters: Parameters) -> list[float]:
-    """Return the limits of a machine as C has them: travel, speed, force, tilt.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    list of float
-        Six numbers.
-    """
+    """Return the limits of a machine as C has them: travel, speed, force, tilt; six numbers."""
     limits = parameters.limits
     return [*limits.travel, limits.speed, limits.force, *limits.tilt]
 
@@ -118,22 +132,7 @@ def _inertial(row: list[Symbol]) -> Inertial:
 
 
 def machine_numbers(row: Sequence[float]) -> dict[str, float]:
-    """Return the numbers of a machine by name of `MACHINE` from its parameters in the order of `GIVEN`.
-
-    Parameters
-    ----------
-    row : sequence of float
-        From `parameter_row`.
-
-    Returns
-    -------
-    dict of str to float
-
-    Raises
-    ------
-    ParameterError
-        If they overflow.
-    """
+    """Return the numbers of a machine by name of `MACHINE` from its parameters in the order of `GIVEN`."""
     tape, given, numbers = preparation()
     known: dict[int, Number] = {
         symbol.index: value for symbol, value in zip(given.values(), row, strict=True)

@@ -1,4 +1,4 @@
-"""What generated files are called and say of themselves: the prefix of names, and where they come from."""
+"""What generated files are called and say of themselves, and texts in them: prefixes, origins, tables."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from importlib.resources import files
+from string import Template
 from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import shown
+from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
 from p3dof._base.version import __version__
 
-PREFIX = "p3dof"
-"""What the names in the templates of a controller begin with."""
+PREFIX = "p3dof"  # what the names in the templates of a controller begin with
+
+CPU = "native"  # the processor that a Makefile compiles for: the one where it runs
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 _HEADERS = re.compile(
@@ -30,29 +33,13 @@ _OURS = re.compile(rf"\b{PREFIX}(?=_|\.[ch]\b)|\b{PREFIX.upper()}(?=_)")
 _FOREIGN = re.compile(r"[^ -~]|[`\\]|\*/|/\*|\?\?")
 
 
-_SHARED = ("Makefile", "CMakeLists.txt", "README.md")
-"""Files that are called the same whatever the prefix is."""
+_SHARED = ("Makefile", "CMakeLists.txt", "README.md")  # files that are called the same whatever the prefix is
 
 _BUILT = re.compile(r"\b([a-z][a-z0-9_]*)\.[ch]\b")
 
 
 def checked_prefix(prefix: Any) -> str:
-    """Return a prefix that names in C can begin with.
-
-    Parameters
-    ----------
-    prefix : str
-        What the user gave.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If names or files could not be called so.
-    """
+    """Return a prefix that names in C can begin with."""
     if not isinstance(prefix, str) or not _NAME.fullmatch(prefix):
         words = "a name of small letters, digits and underscores, a letter first, at most 41 in all"
         raise InputError(f"prefix: expected {words}, got {shown(prefix)}")
@@ -61,19 +48,15 @@ def checked_prefix(prefix: Any) -> str:
     return prefix
 
 
+def checked_cpu(cpu: Any) -> str:
+    """Return the name of a processor that a Makefile can take."""
+    if not isinstance(cpu, str) or not re.fullmatch(r"[\w.+-]*", cpu, re.ASCII):
+        raise InputError(f"cpu: expected a processor as compilers call it, such as haswell, got {shown(cpu)}")
+    return cpu
+
+
 def of_another(prefix: str) -> Callable[[str, str], str | None]:
-    """Return what `write_generated` asks of files that are there: whether they build C of another prefix.
-
-    Parameters
-    ----------
-    prefix : str
-        What the new names and files begin with.
-
-    Returns
-    -------
-    callable
-        Of the name and the text of a file; the reason not to write over it, or None.
-    """
+    """Return what says, of a file's name and text, if it is C of another prefix: the reason, or None."""
 
     def reason(name: str, there: str) -> str | None:
         built = _BUILT.search(there) if name in _SHARED else None
@@ -82,41 +65,18 @@ def of_another(prefix: str) -> Callable[[str, str], str | None]:
     return reason
 
 
+def named(text: str, prefix: str) -> str:
+    """Return C in which all names begin with a prefix in the place of ``p3dof``."""
+    return _OURS.sub(lambda found: prefix.upper() if found[0].isupper() else prefix, text)
+
+
 def renamed(texts: Mapping[str, str], prefix: str) -> dict[str, str]:
-    """Return files whose names, and all names in them, begin with a prefix in the place of ``p3dof``.
-
-    Parameters
-    ----------
-    texts : mapping of str to str
-        C by file name, with names as ``p3dof_prepare`` and ``P3DOF_OK``.
-    prefix : str
-        The prefix.
-
-    Returns
-    -------
-    dict of str to str
-    """
-
-    def other(found: re.Match[str]) -> str:
-        return prefix.upper() if found[0].isupper() else prefix
-
-    return {_OURS.sub(other, name): _OURS.sub(other, text) for name, text in texts.items()}
+    """Return files whose names, and all names in them, begin with a prefix in the place of ``p3dof``."""
+    return {named(name, prefix): named(text, prefix) for name, text in texts.items()}
 
 
 def command_of(name: str, options: Mapping[str, object]) -> str:
-    """Return a command with its options, as one would write it in a shell.
-
-    Parameters
-    ----------
-    name : str
-        The command.
-    options : mapping of str to object
-        By option: a value, several, True for a flag; None, False and nothing are left out.
-
-    Returns
-    -------
-    str
-    """
+    """Return a command with its options, as one would write it in a shell."""
     words = [name]
     for option, value in options.items():
         if value is True:
@@ -128,38 +88,13 @@ def command_of(name: str, options: Mapping[str, object]) -> str:
 
 
 def origin(command: str, what: str, mark: str) -> str:
-    """Return the line that says where a generated file comes from; the same for the same input on any day.
-
-    Parameters
-    ----------
-    command : str
-        What writes it.
-    what : str
-        What it is made from, such as ``"machine 0123456789ab"``.
-    mark : str
-        What the line must begin with.
-
-    Returns
-    -------
-    str
-    """
+    """Return the line that says where a generated file comes from; the same for the same input on any day."""
     line = f"Generated by `{_FOREIGN.sub('_', command)}` (p3dof {__version__}, {what}): do not edit."
     return line if line.startswith(mark) else f"{mark}` (p3dof {__version__}, {what}): do not edit."
 
 
 def fingerprint(*parts: Any) -> str:
-    """Return twelve hexadecimal digits that tell one robot from another.
-
-    Parameters
-    ----------
-    *parts : object
-        Numbers, texts, arrays, placements, dataclasses, and collections of such. Of numbers, twelve digits
-        count: their last bits may differ from processor to processor.
-
-    Returns
-    -------
-    str
-    """
+    """Return twelve hexadecimal digits that tell one robot from another."""
     return hashlib.sha256(json.dumps(_plain(parts)).encode()).hexdigest()[:12]
 
 
@@ -183,3 +118,62 @@ def _entries(value: Any) -> list[Any]:
         return list(value)
     names = fields(value) if is_dataclass(value) and not isinstance(value, type) else ()
     return [getattr(value, field.name) for field in names]
+
+
+class _Text(Template):
+    """Templates mark what is put in with ``@``, which C, make and CMake leave free here."""
+
+    delimiter = "@"
+
+
+class _Parts(dict[str, str]):
+    """What is put in a template; what is not given is a part that several templates have."""
+
+    def __missing__(self, name: str) -> str:
+        return fill(f"{name}.in").rstrip("\n")
+
+
+def fill(template: str, **values: str) -> str:
+    """Return a template of this room with what is put in."""
+    text = (files("p3dof.codegen") / "templates" / template).read_text(encoding="utf-8")
+    return _Text(text).substitute(_Parts(values))
+
+
+_HEX = re.compile(r"0x[0-9a-f.]+p[+-]?\d+")
+
+
+def wave() -> str:
+    """Return C of ``sincos_one``, sine and cosine of a double, in decimal numbers."""
+    text = (files("p3dof._base.tracing") / "sincos.h").read_text(encoding="utf-8")
+    code = text[text.index("static P3DOF_INLINE") :]
+    code = _HEX.sub(lambda found: repr(float.fromhex(found[0])), code)
+    for name, real in (
+        ("P3DOF_INLINE P3DOF_TARGET ", ""),
+        ("P3DOF_NAME(sincos)", "sincos_one"),
+        ("P3DOF_NAME(sincos_near)", "sincos_near"),
+        ("P3DOF_REAL_OF", "double_of"),
+        ("P3DOF_BITS_OF", "bits_of"),
+        ("P3DOF_REAL", "double"),
+        ("P3DOF_BITS", "uint64_t"),
+        ("P3DOF_BOUNDED(x, reduced)", "(fabs(x) <= 1e5) ? reduced : (double)NAN"),
+    ):
+        code = code.replace(name, real)
+    return fill("loop_sincos.in", sincos=code.rstrip())
+
+
+def number_table(declaration: str, rows: FloatArray) -> str:
+    """Return a table of numbers in C."""
+    body = ",\n".join(_wrapped(row) for row in rows)
+    return f"static const double {declaration} = {{\n{body}}};"
+
+
+def _wrapped(row: FloatArray) -> str:
+    """Return a row in braces, on as many lines as it takes."""
+    lines, line = [], "    {"
+    for i, value in enumerate(row):
+        number = repr(float(value)) + ("" if i == len(row) - 1 else ", ")
+        if len(line) + len(number) > 118:
+            lines.append(line.rstrip())
+            line = "     "
+        line += number
+    return "\n".join([*lines, line + "}"])

@@ -22,37 +22,17 @@ from p3dof.closed_form.kinematics.validity import REACH_TOLERANCE
 
 @dataclass(frozen=True)
 class Precision:
-    """One kind of numbers, with the tolerances that their rounding asks for.
+    """One kind of numbers, with the tolerances that their rounding asks for."""
 
-    Parameters
-    ----------
-    real : str
-        The type in C.
-    epsilon : float
-        Distance from 1 to the next number.
-    largest, least : float
-        The largest number, and the smallest positive one with all digits.
-    limits : str
-        What the names of its limits in ``float.h`` begin with.
-    reach : float
-        Share of a leg's length that must be left of its reach.
-    actuation : float
-        Angle that poses must be from the actuation singularity [rad].
-    inertia : float
-        Share of its largest entry by which an inertia may miss the triangle inequality.
-    accuracy : float
-        Relative error that rounding may make in results far from singularities.
-    """
-
-    real: str
-    epsilon: float
-    largest: float
+    real: str  # the type in C
+    epsilon: float  # distance from 1 to the next number
+    largest: float  # the largest number, and the smallest positive one with all digits
     least: float
-    limits: str
-    reach: float
-    actuation: float
-    inertia: float
-    accuracy: float
+    limits: str  # what the names of its limits in `float.h` begin with
+    reach: float  # share of a leg's length that must be left of its reach
+    actuation: float  # angle that poses must be from the actuation singularity [rad]
+    inertia: float  # share of its largest entry by which an inertia may miss the triangle inequality
+    accuracy: float  # relative error that rounding may make in results far from singularities
 
     @property
     def tolerances(self) -> dict[str, float]:
@@ -60,22 +40,7 @@ class Precision:
         return {"least_drop2": (2 - self.reach) * self.reach, "least_actuation2": self.actuation**2}
 
     def code(self, text: str) -> str:
-        """Return C that is written for doubles with these numbers.
-
-        Parameters
-        ----------
-        text : str
-            The C.
-
-        Returns
-        -------
-        str
-
-        Raises
-        ------
-        ParameterError
-            If a number in it is too large.
-        """
+        """Return C that is written for doubles with these numbers."""
         if self is DOUBLE:
             return text
         return _TOKENS.sub(lambda found: found["kept"] or _narrow(found), text)
@@ -133,22 +98,7 @@ have about as many. Inputs and parameters that are rounded make a few of them.""
 
 
 def precision_of(name: object) -> Precision:
-    """Return the numbers by their type in C.
-
-    Parameters
-    ----------
-    name : str
-        ``"double"`` or ``"float"``.
-
-    Returns
-    -------
-    Precision
-
-    Raises
-    ------
-    InputError
-        For anything else.
-    """
+    """Return the numbers by their type in C."""
     if name not in ("double", "float"):
         raise InputError(f"precision: expected 'double' or 'float', got {shown(name)}")
     return DOUBLE if name == "double" else SINGLE

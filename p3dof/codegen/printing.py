@@ -12,7 +12,8 @@ from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof._base.tracing.c import statements, text
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Actuated
-from p3dof.closed_form.compiled.reduced.friction import FRICTION
+from p3dof.closed_form.compiled.reduced.dynamics import FRICTION
+from p3dof.codegen.frame import indented, leave
 from p3dof.codegen.machine import (
     MACHINE,
     NOT_NUMBERS,
@@ -20,33 +21,17 @@ from p3dof.codegen.machine import (
     machine_numbers,
     parameter_row,
     preparation,
+    replay,
 )
 from p3dof.codegen.precision import DOUBLE, Precision
-from p3dof.codegen.replay import replay
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.machine.parameters import Parameters
 
-INDENT = " " * 4
 _LOADED_BY = dict(zip(LOAD, ("w_y", "w_z", "w_theta"), strict=True))
 
 
 class Printer:
-    """One routine on a tape of its own, as it is printed.
-
-    Parameters
-    ----------
-    routine : Routine
-        What to compute.
-    numbers : dict of str to float, optional
-        The numbers of a machine that is put in; without them constants come from a model.
-    precision : Precision
-        What the code computes with.
-
-    Raises
-    ------
-    ParameterError
-        If numbers overflow.
-    """
+    """One routine on a tape of its own, as it is printed."""
 
     def __init__(
         self, routine: Routine, numbers: dict[str, float] | None = None, precision: Precision = DOUBLE
@@ -163,7 +148,7 @@ class Printer:
             for i, name in enumerate(argument.symbols):
                 if name and name in used:
                     value = f"{argument.name}[{i}]"
-                    given = f"(wrench != NULL) ? {value} : 0.0" if argument.name == "wrench" else value
+                    given = f"({argument.name} != NULL) ? {value} : 0.0" if argument.optional else value
                     lines.append(f"const double {name} = {given};")
         return lines
 
@@ -173,12 +158,12 @@ class Printer:
         lines = self._print([*squares, least])
         lines.append(f"const double least = {text(least, self.names)};")
         reached = " && ".join(f"({text(square, self.names)} > least)" for square in squares)
-        lines += _leave(f"!({reached})", "P3DOF_OUT_OF_REACH")
+        lines += leave(f"!({reached})", "P3DOF_OUT_OF_REACH")
         if self.routine.held:
             sine2, lowest = (self._of(value) for value in self._limits()[4:])
             lines += self._print([sine2, lowest])
             held = f"!({text(sine2, self.names)} >= {text(lowest, self.names)})"
-            lines += _leave(held, "P3DOF_SINGULAR")
+            lines += leave(held, "P3DOF_SINGULAR")
         return lines
 
     def _load(self, added: dict[int, str]) -> list[str]:
@@ -195,44 +180,22 @@ class Printer:
         inner = self._print([*friction, *more], names)
         inner += [f"{load} -= {text(lost, names)};" for load, lost in zip(LOAD, friction, strict=True)]
         inner += [f"{name} = {text(value, names)};" for name, value in zip(added.values(), more, strict=True)]
-        return [*lines, "if (model->friction != 0U) {", *(INDENT + line for line in inner), "}"]
+        return [*lines, "if (model->friction != 0U) {", *indented(inner), "}"]
 
 
 @dataclass(frozen=True)
 class Count:
-    """How many operations a call of a function takes, checks included; sin and cos count one each.
+    """How many operations a call of a function takes, checks included; sin and cos count one each."""
 
-    Parameters
-    ----------
-    name : str
-        The function.
-    general, symmetric : int
-        For any machine, and for symmetric bodies under gravity along z0, without friction.
-    friction : int
-        What friction adds.
-    machine : int
-        With the numbers of the machine put in, its friction included.
-    """
-
-    name: str
-    general: int
+    name: str  # the function
+    general: int  # for any machine, and for symmetric bodies under gravity along z0, without friction
     symmetric: int
-    friction: int
-    machine: int
+    friction: int  # what friction adds
+    machine: int  # with the numbers of the machine put in, its friction included
 
 
 def operation_counts(parameters: Parameters) -> list[Count]:
-    """Return the operations of all functions but forward kinematics, which is written by hand.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    list of Count
-    """
+    """Return the operations of all functions but forward kinematics, which is written by hand."""
     found, numbers = [], machine_numbers(parameter_row(parameters))
     for routine in routines().all:
         without, full = Printer(routine).operations()
@@ -273,21 +236,7 @@ def _symmetric(routine: Routine) -> int:
 def prepare_code(
     access: dict[str, str], enumerators: Sequence[str], precision: Precision = DOUBLE
 ) -> list[str]:
-    """Return the statements that fill ``found.numbers`` and ``found.constants``.
-
-    Parameters
-    ----------
-    access : dict of str to str
-        How C reads the parameters, by name of `GIVEN`.
-    enumerators : sequence of str
-        How C counts the numbers, in the order of `MODEL`.
-    precision : Precision
-        What the code computes with.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return the statements that fill ``found.numbers`` and ``found.constants``."""
     source, given, numbers = preparation()
     all_, tape = routines(), Tape()
     names: dict[int, str] = {}
@@ -309,17 +258,7 @@ def prepare_code(
 
 
 def home_depth(numbers: dict[str, float] | None) -> str:
-    """Return the depth h of the platform at home in C.
-
-    Parameters
-    ----------
-    numbers : dict of str to float, optional
-        Of a machine that is put in.
-
-    Returns
-    -------
-    str
-    """
+    """Return the depth h of the platform at home in C."""
     all_ = routines()
     home = all_.home
     if numbers is None:
@@ -327,7 +266,3 @@ def home_depth(numbers: dict[str, float] | None) -> str:
         return f"model->constants[{place}]"
     known: dict[int, Number] = {all_.symbols[name].index: value for name, value in numbers.items()}
     return repr(finite_number(replay(all_.tape, [home], known, Tape())[0]))
-
-
-def _leave(condition: str, status: str) -> list[str]:
-    return [f"if ({condition}) {{", f"{INDENT}return {status};", "}"]

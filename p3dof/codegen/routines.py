@@ -16,7 +16,8 @@ from p3dof._base.tracing import Number, Symbol, Tape, derivatives
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.closed_form.compiled.reduced import Model, Shape, State
-from p3dof.closed_form.compiled.reduced.friction import FRICTION, TOGETHER, generalized_friction
+from p3dof.closed_form.compiled.reduced.dynamics import FRICTION, TOGETHER, generalized_friction
+from p3dof.codegen.frame import Argument, Prototype
 from p3dof.codegen.machine import MACHINE
 from p3dof.codegen.precision import DOUBLE
 
@@ -43,96 +44,41 @@ _INPUTS = {
 }
 
 
-@dataclass(frozen=True)
-class Argument:
-    """An argument of a function in C: an array of doubles.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    text : str
-        What it is, with units.
-    shape : tuple of int
-        Its dimensions.
-    symbols : tuple of str
-        What the entries of an input are called in the formulas; empty where they are not used.
-    """
-
-    name: str
-    text: str
-    shape: tuple[int, ...] = (3,)
-    symbols: tuple[str, ...] = ()
-
-    @property
-    def declaration(self) -> str:
-        """How C declares it."""
-        const = "const " if self.symbols else ""
-        return f"{const}double {self.name}{''.join(f'[{n}]' for n in self.shape)}"
-
-
 @dataclass(frozen=True, eq=False)
 class Routine:
-    """A function of the generated C.
+    """A function of the generated C."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, without prefix.
-    text : str
-        What it does.
-    inputs, outputs : tuple of Argument
-        What it takes and gives.
-    held : bool
-        The actuators must hold the platform.
-    results : tuple of Symbol or float
-        All entries of the outputs in a row.
-    friction : tuple of Symbol
-        What friction takes in y, z, θ, which is taken off the load; empty if the load does not matter.
-    more : mapping of int to Symbol
-        What friction adds to results beside, by their place.
-    """
-
-    name: str
-    text: str
-    inputs: tuple[Argument, ...]
+    name: str  # its name, without prefix
+    text: str  # what it does
+    inputs: tuple[Argument, ...]  # what it takes and gives
     outputs: tuple[Argument, ...]
-    held: bool
-    results: tuple[Number, ...]
+    held: bool  # the actuators must hold the platform
+    results: tuple[Number, ...]  # all entries of the outputs in a row
     friction: tuple[Number, ...] = ()
+    """What friction takes in y, z, θ, which is taken off the load; empty if the load does not matter."""
     more: Mapping[int, Number] = field(default_factory=dict)
+    """What friction adds to results beside, by their place."""
+
+    @property
+    def prototype(self) -> Prototype:
+        """Its row in the table of functions."""
+        return Prototype(self.name, self.inputs, self.outputs)
 
 
 @dataclass(frozen=True, eq=False)
 class Routines:
-    """All functions on their tape.
+    """All functions on their tape."""
 
-    Parameters
-    ----------
-    tape : Tape
-        The operations.
-    symbols : mapping of str to Symbol
-        Numbers of the machine, inputs, the load and tolerances of a precision, by name.
-    shape : Shape
-        Where the mechanism is.
-    least : Symbol
-        What the squared drop of each leg must be more than.
-    sine2, least_sine2 : Symbol
-        Squared sine of the angle from the actuation singularity, times r² u², and the least of it.
-    home : Symbol
-        Depth h of the platform at home.
-    all : tuple of Routine
-        The functions.
-    """
-
-    tape: Tape
+    tape: Tape  # the operations
     symbols: Mapping[str, Symbol]
-    shape: Shape
-    least: Number
+    """Numbers of the machine, inputs, the load and tolerances of a precision, by name."""
+    shape: Shape  # where the mechanism is
+    least: Number  # what the squared drop of each leg must be more than
     sine2: Number
+    """Squared sine of the angle from the actuation singularity, times r² u², and the least of it."""
     least_sine2: Number
-    home: Number
-    all: tuple[Routine, ...]
+    home: Number  # depth h of the platform at home
+    all: tuple[Routine, ...]  # the functions
 
     @property
     def labels(self) -> dict[int, str]:
@@ -260,8 +206,12 @@ def _append(
         results += row
 
 
-def _matrix(name: str, text: str, columns: int = 3) -> Argument:
-    return Argument(name, text, (3, columns))
+def _matrix(name: str, text: str) -> Argument:
+    return Argument(name, text, (3, 3))
+
+
+def _input(name: str) -> Argument:
+    return Argument(name, _TEXTS[name], (len(_INPUTS[name]),), _INPUTS[name], optional=name == "wrench")
 
 
 def _output(name: str) -> Argument:
@@ -347,7 +297,12 @@ _ALL: tuple[tuple[str, str, tuple[str, ...], tuple[Argument, ...], bool, _Formul
         _MOTION,
         (
             _output("forces"),
-            _matrix("by_numbers", _BY.format("numbers") + ", columns as in p3dof_number", len(MODEL)),
+            Argument(
+                "by_numbers",
+                _BY.format("numbers") + ", columns as in p3dof_number",
+                (3, len(MODEL)),
+                columns="P3DOF_NUMBERS",
+            ),
         ),
         True,
         _by_parameters,
@@ -362,9 +317,7 @@ def routines() -> Routines:
     x, model, found = trace.shape, trace.model, []
     for name, text, inputs, outputs, held, formula in _ALL:
         results, more = formula(trace)
-        arguments = tuple(
-            Argument(given, _TEXTS[given], (len(_INPUTS[given]),), _INPUTS[given]) for given in inputs
-        )
+        arguments = tuple(map(_input, inputs))
         friction = trace.friction if "velocity" in inputs else ()
         found.append(Routine(name, text, arguments, outputs, held, tuple(results), friction, more))
     sine = x.arm * x.Sc  # of the angle from det J = 0, times r u

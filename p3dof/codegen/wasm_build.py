@@ -3,17 +3,65 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from p3dof._base.errors import MissingExtraError, ModelError
-from p3dof._base.files import scratch_folder
-from p3dof.codegen.filling import fill
-from p3dof.codegen.wasm_section import with_section
+from p3dof._base.errors import FileError, MissingExtraError, ModelError
+from p3dof._base.files import read_text, scratch_folder, write_atomic
+from p3dof.codegen.naming import fill
 from p3dof.codegen.webassembly import WebModule
+
+_NAME = b"p3dof"
+_MAGIC = b"\0asm\1\0\0\0"
+
+
+def with_section(made: bytes, told: Mapping[str, str]) -> bytes:
+    """Return a file with the section at its end."""
+    body = _length(len(_NAME)) + _NAME + json.dumps(dict(told)).encode()
+    return made + b"\0" + _length(len(body)) + body
+
+
+def section_of(found: bytes) -> dict[str, str]:
+    """Return what the section of a file says; empty if it has no such section, or is no WebAssembly."""
+    place = len(_MAGIC)
+    try:
+        while found.startswith(_MAGIC) and place < len(found):
+            kind = found[place]
+            size, start = _number(found, place + 1)
+            if kind == 0:
+                length, at = _number(found, start)
+                if found[at : at + length] == _NAME:
+                    told = json.loads(found[at + length : start + size])
+                    return told if isinstance(told, dict) else {}
+            place = start + size
+    except (IndexError, ValueError):
+        pass
+    return {}
+
+
+def _length(value: int) -> bytes:
+    """Return an unsigned number in LEB128."""
+    found = bytearray()
+    while value > 0x7F:
+        found.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*found, value])
+
+
+def _number(found: bytes, place: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = found[place]
+        value |= (byte & 0x7F) << shift
+        place, shift = place + 1, shift + 7
+        if byte < 0x80:
+            return value, place
+
 
 _COMPILE = (
     "--target=wasm32-unknown-unknown",
@@ -41,27 +89,7 @@ _SECONDS = 300.0
 
 
 def webassembly(header: str, library: str, module: WebModule) -> bytes:
-    """Return generated C as WebAssembly, with exports that take rows.
-
-    Parameters
-    ----------
-    header, library : str
-        Text of the header and of the C file.
-    module : WebModule
-        What to export.
-
-    Returns
-    -------
-    bytes
-        The file; it ends with a section that holds a hash of its sources and the compiler's version.
-
-    Raises
-    ------
-    MissingExtraError
-        If clang or wasm-ld is missing, or knows no WebAssembly.
-    ModelError
-        If they fail.
-    """
+    """Return generated C as WebAssembly whose exports take rows; its end tells sources and compiler."""
     clang, linker = tools()
     sources = _sources(header, library, module)
     with scratch_folder() as folder:
@@ -81,19 +109,7 @@ def webassembly(header: str, library: str, module: WebModule) -> bytes:
 
 
 def sources_hash(header: str, library: str, module: WebModule) -> str:
-    """Return a hash of all that goes into a file, and of the flags.
-
-    Parameters
-    ----------
-    header, library : str
-        Text of the header and of the C file.
-    module : WebModule
-        What to export.
-
-    Returns
-    -------
-    str
-    """
+    """Return a hash of all that goes into a file, and of the flags."""
     return _digest(_sources(header, library, module), module)
 
 
@@ -113,17 +129,7 @@ def _sources(header: str, library: str, module: WebModule) -> dict[str, str]:
 
 
 def mathematics(note: str) -> dict[str, str]:
-    """Return what stands for a C library, by file name.
-
-    Parameters
-    ----------
-    note : str
-        What files begin with.
-
-    Returns
-    -------
-    dict of str to str
-    """
+    """Return what stands for a C library, by file name."""
     shared = files("p3dof._base.tracing")
     names = ("sincos.h", "tanh.h", "atan2.h")
     return {
@@ -145,13 +151,7 @@ def _digest(sources: Mapping[str, str], module: WebModule) -> str:
 
 
 def tools() -> tuple[str, str]:
-    """Return the paths of clang and of its linker.
-
-    Raises
-    ------
-    MissingExtraError
-        If one is missing.
-    """
+    """Return the paths of clang and of its linker."""
     clang, linker = map(shutil.which, _TOOLS)
     if clang is None or linker is None:
         missing = " and ".join(name for name in _TOOLS if shutil.which(name) is None)
@@ -179,3 +179,61 @@ def _run(command: Sequence[str], folder: Path) -> str:
     if "target" in told and "wasm" in told:
         raise MissingExtraError(f"{_NEEDS}; {command[0]} knows no WebAssembly")
     raise ModelError(f"{Path(command[0]).name} failed: {told}")
+
+
+@dataclass(frozen=True)
+class WebFiles:
+    """The files that WebAssembly adds to those of generated C."""
+
+    module: WebModule  # what is exported
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The files that are no text."""
+        return (f"{self.module.prefix}.wasm",)
+
+    def texts(self) -> dict[str, str]:
+        """Return the JavaScript by file name."""
+        return {f"{self.module.prefix}.mjs": self.module.loader()}
+
+    def write(self, folder: Path, texts: Mapping[str, str], force: bool = False) -> Path:
+        """Build and write the file; the file written."""
+        prefix = self.module.prefix
+        path = folder / f"{prefix}.wasm"
+        content = webassembly(texts[f"{prefix}.h"], texts[f"{prefix}.c"], self.module)
+        if path.is_file() and not force and not section_of(_read(path)):
+            advice = "use another folder, or force it (--force)"
+            raise FileError(f"{path}: would be overwritten, but was not generated by p3dof; {advice}")
+        return write_atomic(path, content)
+
+    def check(self, folder: Path) -> list[str]:
+        """Say in what the file is not what would be built from the C beside it.
+
+        One line for each difference. Where the compiler that built it is here, it is built again, and its
+        bytes are compared; other compilers give other bytes, and there a hash of its sources has to do.
+        """
+        prefix = self.module.prefix
+        beside = [folder / f"{prefix}.{ending}" for ending in ("h", "c")]
+        if not all(one.is_file() for one in beside):
+            return []  # said already
+        return self.compare(folder, *map(read_text, beside))
+
+    def compare(self, folder: Path, header: str, library: str) -> list[str]:
+        """Say, a line each, in what the file is not what would be built from some C; as `check`."""
+        path = folder / f"{self.module.prefix}.wasm"
+        if not path.exists():
+            return [f"{path}: missing"]
+        found = _read(path)
+        told = section_of(found)
+        if told.get("sources") != sources_hash(header, library, self.module):
+            return [f"{path}: was not built from the C that goes with it"]
+        if told.get("compiler") == compiler_here() and webassembly(header, library, self.module) != found:
+            return [f"{path}: the same compiler gives other bytes"]
+        return []
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from error

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from math import prod
+from pathlib import Path
 
-from p3dof.closed_form.compiled.reduced.friction import JOINTS
-from p3dof.codegen.controller import MARK, prototypes
-from p3dof.codegen.filling import fill
+from p3dof.closed_form.compiled.reduced.dynamics import JOINTS
+from p3dof.codegen.controller import MARK, controller_files, origin_of, prototypes
 from p3dof.codegen.machine import ACTUATORS
-from p3dof.codegen.naming import PREFIX
-from p3dof.codegen.routines import Argument
-from p3dof.codegen.webassembly import Exported, Rows, WebModule
-from p3dof.machine.parameters import LINKS, SLIDES
+from p3dof.codegen.naming import PREFIX, fill
+from p3dof.codegen.wasm_build import WebFiles
+from p3dof.codegen.webassembly import Exported, WebModule
+from p3dof.machine.parameters import LINKS, PAPER, SLIDES
 
 _STATUSES = (
     "OK",
@@ -73,33 +72,11 @@ def controller_module(
     only: Collection[str] | None = None,
     optimisation: str = "-O2",
 ) -> WebModule:
-    """Return what the WebAssembly of a controller's C offers.
-
-    Parameters
-    ----------
-    bake : bool
-        Whether the machine's numbers are in the code.
-    prefix : str
-        What the names of the C begin with.
-    note : str
-        What its files begin with: `origin_of` of the C.
-    only : collection of str, optional
-        Names of the functions on samples that are wanted; all by default.
-    optimisation : str
-        As of `WebModule`.
-
-    Returns
-    -------
-    WebModule
-    """
+    """Return what the WebAssembly of a controller's C offers."""
     first = "" if bake else "&model"
     pass_model = "" if bake else "&model, "
     area = fill("wasm_map.in", prefix=prefix, pass_model=pass_model)
-    functions = [
-        Exported(name, [_rows(a, prefix) for a in inputs], [_rows(a, prefix) for a in outputs], first)
-        for name, inputs, outputs in prototypes()
-        if only is None or name in only
-    ]
+    functions = [Exported(row, first) for row in prototypes() if only is None or row.name in only]
     statuses = dict(enumerate(_STATUSES))
     if bake:
         return WebModule(prefix, note, functions, statuses, area, _MAP, optimisation=optimisation)
@@ -115,12 +92,6 @@ def controller_module(
         places=places,
         optimisation=optimisation,
     )
-
-
-def _rows(argument: Argument, prefix: str) -> Rows:
-    columns = {3: "3"}.get(argument.shape[-1], f"{prefix.upper()}_NUMBERS")
-    cast = f"(double (*)[{columns}])" if len(argument.shape) == 2 else ""
-    return Rows(argument.name, prod(argument.shape), cast, optional=argument.name == "wrench")
 
 
 def _places() -> tuple[dict[str, object], int]:
@@ -139,3 +110,25 @@ def _places() -> tuple[dict[str, object], int]:
         found[kind] = {slide: place + i for i, slide in enumerate(SLIDES)}
         place += len(SLIDES)
     return found, place
+
+
+DIRECTORY = Path(__file__).parents[1] / "viewer" / "document"
+FUNCTIONS = (
+    "inverse_dynamics",
+    "inverse_kinematics",
+    "jacobian",
+    "mass_matrix",
+    "forward_dynamics",
+    "forward_kinematics",
+    "joints",
+)
+"""What the page calls on samples, besides the map."""
+_COMMAND = "p3dof codegen --page"
+
+
+def page_wasm() -> tuple[WebFiles, dict[str, str]]:
+    """Return the WebAssembly of the page, and the C that it is built from."""
+    note = origin_of(PAPER, command=_COMMAND)
+    module = controller_module(note=note, only=FUNCTIONS, optimisation="-Oz")
+    texts = controller_files(PAPER, command=_COMMAND)
+    return WebFiles(module), {name: texts[name] for name in (f"{PREFIX}.h", f"{PREFIX}.c")}

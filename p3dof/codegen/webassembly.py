@@ -6,138 +6,81 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from p3dof.codegen.filling import fill
-
-_INDENT = " " * 4
-
-
-@dataclass(frozen=True)
-class Rows:
-    """An argument of a function, row after row.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    size : int
-        Numbers of a row.
-    cast : str
-        What C makes of the place of a row; ``*`` takes the number there.
-    optional : bool
-        Whether it may be missing.
-    kept : str
-        Where to copy the row from after a call, instead of giving it to the function.
-    """
-
-    name: str
-    size: int
-    cast: str = ""
-    optional: bool = False
-    kept: str = ""
-
-    @property
-    def argument(self) -> str:
-        """What is given to the function for row ``i``."""
-        place = f"{self.name} + {self.size}U * i"
-        if self.optional:
-            return f"({self.name} != NULL) ? {place} : NULL"
-        return f"{self.cast}({place})" if self.cast else place
+from p3dof.codegen.frame import INDENT, Argument, Prototype, definition, indented
+from p3dof.codegen.naming import fill
 
 
 @dataclass(frozen=True)
 class Exported:
-    """A function of generated C that is called on rows.
+    """A function of generated C that is called on rows, every argument row after row."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, without prefix.
-    inputs, outputs : sequence of Rows
-        What it takes and gives.
-    first : str
-        Its first argument, if that is no row.
-    """
+    function: Prototype  # the function
+    first: str = ""  # its first argument, if that is no row
+    kept: tuple[Argument, ...] = ()  # of ``state``, copied from there after a call
 
-    name: str
-    inputs: Sequence[Rows]
-    outputs: Sequence[Rows]
-    first: str = ""
+    @property
+    def name(self) -> str:
+        """Its name, without prefix."""
+        return self.function.name
+
+    @property
+    def inputs(self) -> tuple[Argument, ...]:
+        """What it takes."""
+        return self.function.inputs
+
+    @property
+    def outputs(self) -> tuple[Argument, ...]:
+        """What it gives."""
+        return (*self.function.outputs, *self.kept)
 
     def code(self, prefix: str) -> str:
         """Return C that calls it on rows, and tells how many are good."""
-        given = [f"const double *{rows.name}" for rows in self.inputs]
-        taken = [f"double *{rows.name}" for rows in self.outputs]
+        given = [f"const double *{one.name}" for one in self.inputs]
+        taken = [f"double *{one.name}" for one in self.outputs]
         head = (
             f"size_t rows_of_{self.name}(size_t count, {', '.join([*given, *taken])}, unsigned char *status)"
         )
         first = [self.first] if self.first else []
-        called = [rows.argument for rows in (*self.inputs, *self.outputs) if not rows.kept]
-        ok = f"{prefix.upper()}_OK"
+        called = ", ".join([*first, *(one.row(prefix) for one in self.function.arguments)])
         kept = [
-            f"memcpy({rows.name} + {rows.size}U * i, {rows.kept}, {rows.size}U * sizeof(double));"
-            for rows in self.outputs
-            if rows.kept
+            f"memcpy({one.name} + {one.size}U * i, state.{one.name}, {one.size}U * sizeof(double));"
+            for one in self.kept
         ]
         inner = [
-            f"const {prefix}_status told = {prefix}_{self.name}({', '.join([*first, *called])});",
+            f"const {prefix}_status told = {prefix}_{self.name}({called});",
             "status[i] = (unsigned char)told;",
-            f"if (told == {ok}) {{",
-            *(_INDENT + line for line in ("++good;", *kept)),
+            f"if (told == {prefix.upper()}_OK) {{",
+            *indented(("++good;", *kept)),
             "}",
         ]
         lines = [
-            f'EXPORT("{self.name}") {head};',
-            "",
-            head,
-            "{",
-            f"{_INDENT}size_t i, good = 0U;",
-            f"{_INDENT}for (i = 0U; i < count; ++i) {{",
-            *(2 * _INDENT + line for line in inner),
-            f"{_INDENT}}}",
-            f"{_INDENT}return good;",
+            "size_t i, good = 0U;",
+            "for (i = 0U; i < count; ++i) {",
+            *indented(inner),
             "}",
-            "",
+            "return good;",
         ]
-        return "\n".join(lines)
+        return f'EXPORT("{self.name}") {head};\n\n{definition(head, lines)}'
 
 
 @dataclass(frozen=True)
 class WebModule:
-    """What a WebAssembly file offers.
+    """What a WebAssembly file offers."""
 
-    Parameters
-    ----------
-    prefix : str
-        What the names of the C begin with.
-    note : str
-        What its files begin with.
-    functions : sequence of Exported
-        What is called on rows.
-    statuses : mapping of str to str
-        What a status means, by its number.
-    state : str
-        C of what is kept between calls.
-    methods, constructed : str
-        JavaScript of more methods, and of what is done at first.
-    places : mapping
-        Where the parameters are, by name; empty without any.
-    optimisation : str
-        What the compiler is told: ``"-O2"`` for speed, ``"-Oz"`` for a small file.
-    """
-
-    prefix: str
-    note: str
-    functions: Sequence[Exported]
-    statuses: Mapping[int, str]
-    state: str = ""
-    methods: str = ""
+    prefix: str  # what the names of the C begin with
+    note: str  # what its files begin with
+    functions: Sequence[Exported]  # what is called on rows
+    statuses: Mapping[int, str]  # what a status means, by its number
+    state: str = ""  # C of what is kept between calls
+    methods: str = ""  # JavaScript of more methods, and of what is done at first
     constructed: str = ""
     places: Mapping[str, object] = field(default_factory=dict)
-    optimisation: str = "-O2"
+    """Where the parameters are, by name; empty without any."""
+    optimisation: str = "-O2"  # what the compiler is told: `"-O2"` for speed, `"-Oz"` for a small file
 
     def exports(self) -> str:
         """Return the C that is compiled beside the library."""
-        functions = "\n".join(function.code(self.prefix) for function in self.functions)
+        functions = "\n".join(one.code(self.prefix) for one in self.functions)
         return fill(
             "wasm_exports.in", note=self.note, prefix=self.prefix, state=self.state, functions=functions
         )
@@ -145,12 +88,12 @@ class WebModule:
     def loader(self) -> str:
         """Return the JavaScript module."""
         spec = {
-            function.name: {
-                "inputs": _sizes(function.inputs),
-                "optional": [rows.name for rows in function.inputs if rows.optional],
-                "outputs": _sizes(function.outputs),
+            one.name: {
+                "inputs": _sizes(one.inputs),
+                "optional": [argument.name for argument in one.inputs if argument.optional],
+                "outputs": _sizes(one.outputs),
             }
-            for function in self.functions
+            for one in self.functions
         }
         example = self.functions[0]
         places = (
@@ -164,7 +107,7 @@ class WebModule:
             note=self.note,
             prefix=self.prefix,
             example=example.name,
-            arguments=", ".join(rows.name for rows in example.inputs if not rows.optional),
+            arguments=", ".join(one.name for one in example.inputs if not one.optional),
             statuses=_script(self.statuses),
             spec=_script(spec),
             places=places,
@@ -173,13 +116,13 @@ class WebModule:
         )
 
 
-def _sizes(groups: Iterable[Rows]) -> dict[str, int]:
-    return {rows.name: rows.size for rows in groups}
+def _sizes(groups: Iterable[Argument]) -> dict[str, int]:
+    return {one.name: one.size for one in groups}
 
 
 def _script(value: object) -> str:
     """Return a constant of JavaScript, an entry of the outermost object a line."""
     if not isinstance(value, Mapping):
         return json.dumps(value)
-    lines = [f"{_INDENT}{json.dumps(str(key))}: {json.dumps(one)}," for key, one in value.items()]
+    lines = [f"{INDENT}{json.dumps(str(key))}: {json.dumps(one)}," for key, one in value.items()]
     return "\n".join(["{", *lines, "}"])

@@ -1,23 +1,8 @@
-"""What a machine has to do, what drives it, and which one is better."""
+"""Tasks, sizing of drives and bearings, counterbalances, design optimisation, sweeps.
 
-import lazy_loader
+Each name is imported when it is first used.
+"""
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [
-        "assessment",
-        "balance",
-        "bearings",
-        "best_path",
-        "design_comparison",
-        "drives",
-        "fastest",
-        "forces_of_tasks",
-        "optimisation",
-        "sizing",
-        "sweeps",
-        "task_limits",
-        "task_loads",
-        "tasks",
-    ],
-)
+from p3dof._base import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,28 +9,25 @@ from functools import cached_property
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
+from p3dof._base.checks import FloatArray, Progress, not_negative, shown
 from p3dof._base.errors import InputError
 from p3dof._base.tables import ShownInNotebook, percent
 from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
 from p3dof.design.bearings import BearingReport, Bearings, bearing_life
 from p3dof.design.drives import Cycle, Drive, Sizing, cycle_of, not_checked
 from p3dof.design.drives.sizing import BRAKE_SAFETY
-from p3dof.design.forces_of_tasks import TaskForces
+from p3dof.design.fastest import unseen_limits, uses_of_task
+from p3dof.design.forces_of_tasks import TaskForces, joined, reactions_under
 from p3dof.design.sizing import size_drives
-from p3dof.design.task_limits import unseen_limits, uses_of_task
-from p3dof.design.task_loads import joined, reactions_under
 from p3dof.design.tasks import AxisLimits, FastestPlan
 from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 from p3dof.methods.utilisation import Utilisation, utilisations
 
-_TOLD = 4
-"""Exceeded ratings that are told in words; the tables have all."""
+_TOLD = 4  # exceeded ratings that are told in words; the tables have all
 _WHOLE = "over the cycle"
-_FITS = 1 + 1e-9
-"""Shares up to this one are within a limit: the fastest motion uses all of it."""
+_FITS = 1 + 1e-9  # shares up to this one are within a limit: the fastest motion uses all of it
 
 
 @dataclass(frozen=True)
@@ -75,7 +72,7 @@ class RatingUse:
     def amounts(self) -> str:
         """What is required of what is allowed, in words."""
         if self.share == math.inf:
-            return f"{short(self.required)} {self.unit} where none is allowed"
+            return f"{short(self.required)} {self.unit} where none is permissible"
         required, allowed = self.figures
         return f"{required} of {allowed} {self.unit}".strip()
 
@@ -183,8 +180,8 @@ class Assessment(ShownInNotebook):
         if one.share == math.inf:
             much = f"takes {one.amounts}"
         else:
-            much = f"is used to {percent(one.share, 0)}, {one.amounts}"
-        left = f"; {1 - one.share:.0%} is left" if self.fits else _beyond(one.share)
+            much = f"has a utilisation of {percent(one.share, 0)}, {one.amounts}"
+        left = f"; {1 - one.share:.0%} reserve" if self.fits else _beyond(one.share)
         return f"{words} {much} {one.when}{left}"
 
     @cached_property
@@ -343,14 +340,10 @@ def assess(
     progress : callable, optional
         Called with (done, total) drives.
 
-    Returns
-    -------
-    Assessment
-
     Raises
     ------
     SampleError
-        If the machine cannot make the motion.
+        If the machine cannot perform the motion.
     DriveError, InputError
         If an argument does not fit.
     """
@@ -362,9 +355,7 @@ def assess(
         raise InputError(f"name: expected a text, got {shown(name)}")
     if not isinstance(limits, AxisLimits | None):
         raise InputError(f"limits: expected AxisLimits, got {shown(limits)}")
-    pause = float(frozen_array("rest", rest, ()))
-    if pause < 0:
-        raise InputError(f"rest: expected zero or more, got {pause:g}")
+    pause = not_negative("rest", rest)
     cycle_of(found, pause)  # says at once that the machine cannot make it
     ranked: list[Sizing] = []
     if drives is not None:

@@ -14,30 +14,17 @@ from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
 
-_LEADS = (5.0, 10.0, 16.0, 20.0, 32.0)
-"""Of screws for which torques of motors are told [mm a turn]."""
+_LEADS = (5.0, 10.0, 16.0, 20.0, 32.0)  # of screws for which torques of motors are told [mm a turn]
 _RPM = 30 / math.pi
 
 
 def uses_table(found: Assessment, most: int | None = None) -> Table:
-    """Return all ratings that are known, those used most first, with times and places.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-    most : int, optional
-        How many to list.
-
-    Returns
-    -------
-    Table
-    """
+    """Return all ratings that are known, those used most first, with times and places."""
     rows = tuple(_use(one) for one in found.ratings[:most])
-    header = ("rating", "of", "required", "allowed", "used", "at t [s]", "on the way")
+    header = ("rating", "of", "required", "permissible", "utilisation", "at t [s]", "segment")
     left = 0 if most is None else len(found.ratings) - most
-    note = f"{left} more are used less." if left > 0 else ""
-    return Table("How much of the ratings is used", header, rows, note)
+    note = f"{left} more have a lower utilisation." if left > 0 else ""
+    return Table("Utilisation of ratings", header, rows, note)
 
 
 def _use(one: RatingUse) -> tuple[str, ...]:
@@ -52,16 +39,8 @@ def _when(time: float, place: str) -> tuple[str, str]:
 def loads_table(found: Assessment) -> Table:
     """Return what each slider bears and does over the cycle, with the instant of the largest.
 
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-
-    Returns
-    -------
-    Table
-        The force at the nut, which guide and mechanism feel, and that of the motor, which moves its own
-        inertia too, are two rows.
+    The force at the nut, which guide and mechanism feel, and that of the motor, which moves its own inertia
+    too, are two rows.
     """
     forces, speed = found.cycle.force, found.found.slider_velocities
     power, motor = forces * speed, found.motor_forces
@@ -79,19 +58,19 @@ def loads_table(found: Assessment) -> Table:
     rows["speed, peak [m/s]"] = _peak(found, speed)
     rows["acceleration, peak [m/s²]"] = _peak(found, found.found.slider_accelerations)
     rows["power at the nut, peak [W]"] = _peak(found, power, np.maximum)
-    rows["power taken back at the nut, peak [W]"] = _peak(found, power, np.minimum)
+    rows["regenerative power at the nut, peak [W]"] = _peak(found, power, np.minimum)
     if found.drives is not None:
         turning = motor * speed
         rows["power of the motor, peak [W]"] = _peak(found, turning, np.maximum)
-        rows["power taken back by the motor, peak [W]"] = _peak(found, turning, np.minimum)
-    header = ("load", *LEGS, "the largest at t [s]", "on the way")
+        rows["regenerative power of the motor, peak [W]"] = _peak(found, turning, np.minimum)
+    header = ("load", *LEGS, "peak at t [s]", "segment")
     note = (
         "The nut's force is what mechanism and guides feel; that of the motor holds the inertia and the "
         "losses of its drive too."
         if found.drives is not None
         else "Without inertia and losses of drives."
     )
-    return table_of("What each slider bears and does", header, rows, note)
+    return table_of("Loads of the sliders", header, rows, note)
 
 
 def _peak(found: Assessment, values: FloatArray, side: np.ufunc = np.abs) -> list[Cell]:
@@ -110,17 +89,7 @@ def _rms(found: Assessment, forces: FloatArray) -> list[float]:
 
 
 def needs_table(found: Assessment) -> Table:
-    """Return what motors must give behind screws of some leads, without inertia and losses of drives.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-
-    Returns
-    -------
-    Table
-    """
+    """Return what motors must give behind screws of some leads, without inertia and losses of drives."""
     forces, speed = found.cycle.force, np.abs(found.found.slider_velocities).max(axis=0)
     peak, rms = np.abs(forces).max(axis=0), np.array(_rms(found, forces))
     rows = {}
@@ -141,46 +110,35 @@ def needs_table(found: Assessment) -> Table:
         "Without efficiency, and without the inertia of motor and screw, which may take most of the torque: "
         "give a catalogue of drives (--drives) for these."
     )
-    return table_of("What motors must give", header, rows, note, "wide")
+    return table_of("Required torque and speed of the motors", header, rows, note, "wide")
 
 
 def assumptions(found: Assessment) -> dict[str, str]:
-    """Return what the numbers rest on, by topic.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-
-    Returns
-    -------
-    dict of str to str
-        The most important first.
-    """
+    """Return what the numbers rest on, by topic; the most important first."""
     parameters = found.robot.parameters
     limits = parameters.limits
     told = {
         "limits": f"force ({limits.force:g} N) holds at the actuator, which is the nut without armature; "
         f"speed ({limits.speed:g} m/s) and travel at the slider; torque, speed and heat of motors at their "
         "shafts, buckling at the nut" + _of_the_task(found),
-        "parallelogram": f"half width b = {1e3 * parameters.geometry.b:g} mm: it stands in no paper, decides "
-        "no actuator force, but the loads of rods and bearings",
+        "parallelogram": f"half width b = {1e3 * parameters.geometry.b:g} mm: the paper does not give it; it "
+        "affects no actuator force, but the loads of rods and bearings",
         "friction": _friction(found),
-        "armature and balance": _actuators(found),
+        "armature and counterbalance": _actuators(found),
     }
     if found.drives is not None:
         told["drives"] = (
             "efficiency acts on the force at the nut only, in the direction of its power, not on the inertia "
-            "of motor and screw; rms torque is held against the continuous torque at the rms speed, at rest "
-            f"the motor holds; screws are used to {WHIRL:.0%} of their critical speed and {BUCKLING:.0%} of "
+            "of motor and screw; rms torque is compared with the continuous torque at the rms speed, at rest "
+            f"the motor holds; screws run to {WHIRL:.0%} of their critical speed and {BUCKLING:.0%} of "
             "Euler's load; the same drive on all axes"
         )
         told["ambient"] = "ratings as the catalogue gives them, no derating for temperature, altitude or duty"
     if found.reactions is not None:
-        guess = "guesses" if found.stiffness is None else "as given"
-        told["stiffness and fit"] = (
-            f"joints and rods give way by stiffnesses that are {guess}; "
-            f"bodies are rigid, joints have no play; {_fit(found)}"
+        guess = "estimates" if found.stiffness is None else "as given"
+        told["stiffness and assembly errors"] = (
+            f"stiffnesses of joints and rods are {guess}; "
+            f"bodies are rigid, joints have no backlash; {_fit(found)}"
         )
     if isinstance(found.found, TaskForces):
         told["payloads"] = "picked up when a dwell begins, put down when it ends, rigidly held"
@@ -218,7 +176,7 @@ def _friction(found: Assessment) -> str:
     friction = found.robot.parameters.friction
     results = found.found.results if isinstance(found.found, TaskForces) else (found.found,)
     loads = any(result.coulomb is not None for result in results)
-    grows = "friction of the joints grows with their loads, and is in forces and reactions"
+    grows = "load-dependent friction of the joints is in forces and reactions"
     if not friction:
         return grows if loads else "none in guides and joints: that of screws is in their efficiency"
     words = {
@@ -232,7 +190,9 @@ def _friction(found: Assessment) -> str:
 def _actuators(found: Assessment) -> str:
     given = found.robot.parameters.actuators
     if not given:
-        return "the machine has no balance" + ("" if found.drives else ", and its actuators no inertia")
+        return "the machine has no counterbalance" + (
+            "" if found.drives else ", and its actuators no inertia"
+        )
     kinds = {"armature": "kg", "counterbalance": "N", "spring": "N/m", "counterweight": "kg"}
     words = []
     for kind, unit in kinds.items():
@@ -242,17 +202,17 @@ def _actuators(found: Assessment) -> str:
                 f"{kind} " + ", ".join(f"{name} {value:g} {unit}" for name, value in numbers.items())
             )
     if found.drives is not None and given.armature:
-        words.append("the drives' own inertia stands in the place of the armature")
+        words.append("the drives' own inertia replaces the armature")
     return "; ".join(words)
 
 
 def _fit(found: Assessment) -> str:
     loads = found.reactions
     if loads is None or not loads.fit.any():
-        return "no misfit of assembly was given"
+        return "no assembly error was given"
     worst = np.nanmax(loads.fit[:, 0, :, 0])
     most = number(round(float(worst), 3))
-    return f"a misfit of assembly adds up to {most} N to a component, which is not in the lives"
+    return f"assembly errors add up to {most} N to a component, which is not in the lives"
 
 
 @html_of.register(Assessment)

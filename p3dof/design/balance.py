@@ -25,8 +25,7 @@ Objective: TypeAlias = Literal["rms", "peak"]
 """What is to be least: the root mean square of each force, or its largest magnitude."""
 OBJECTIVES: tuple[Objective, ...] = get_args(Objective)
 
-_STILL = 1e-9
-"""A slider that moves less than that does not tell a spring from a constant force [m]."""
+_STILL = 1e-9  # a slider that moves less than that does not tell a spring from a constant force [m]
 _NUMBERS = {
     "constant": ("counterbalance",),
     "spring": ("counterbalance", "spring"),
@@ -121,16 +120,12 @@ def best_balance(
     objective : {"rms", "peak"}
         What is to be least: the root mean square over time, or the largest magnitude.
 
-    Returns
-    -------
-    BestBalance
-
     Raises
     ------
     InputError
         If an argument is something else, or the forces are those of another machine.
     SampleError
-        If the machine cannot make the motion; `ReachError` or `SingularityError` if `found` is a motion.
+        If the machine cannot perform the motion; `ReachError` or `SingularityError` if `found` is a motion.
     """
     found = _forces(robot, found)
     for name, value, known in (("kind", kind, BALANCE_KINDS), ("objective", objective, OBJECTIVES)):
@@ -179,7 +174,7 @@ def _forces(
     if not isinstance(found, InverseDynamics | TaskForces):
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
     if not found.possible:
-        raise SampleError("the machine cannot make this motion: there is nothing to balance")
+        raise SampleError("the machine cannot perform this motion: there is nothing to counterbalance")
     return found
 
 
@@ -239,21 +234,11 @@ def _notes(kind: BalanceKind, chosen: Mapping[str, FloatArray]) -> Iterator[str]
         none = [leg for leg, mass in zip(LEGS, chosen["counterweight"], strict=True) if mass == 0]
         if none:
             legs = ", ".join(none)
-            yield f"{legs}: no counterweight helps: its inertia takes more than its weight gives"
+            yield f"{legs}: no counterweight helps: its inertia needs more force than its weight saves"
 
 
 def balance_table(found: BestBalance) -> Table:
-    """Return a balance, and what it spares.
-
-    Parameters
-    ----------
-    found : BestBalance
-        The balance.
-
-    Returns
-    -------
-    Table
-    """
+    """Return a balance, and what it spares."""
     values = found.named_values
     header = (
         "actuator",

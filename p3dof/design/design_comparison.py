@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.checks import FloatArray, Progress, Readable, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, percent, table_of
@@ -36,18 +36,14 @@ from p3dof.methods import InverseDynamics
 from p3dof.methods.registry import Method
 
 Better = Literal["lower", "higher", ""]
-_MOST = 12
-"""Most columns of a comparison."""
-_POSES = 200
-"""Poses at which the room of the joints is looked at."""
-_SAME = 5e-4
-"""Share up to which two numbers are as good as each other: as many digits as tables have of differences."""
-PAPERS = "the paper's motion"
-"""What machines are compared over where no task is given."""
+_MOST = 12  # most columns of a comparison
+_POSES = 200  # poses at which the room of the joints is looked at
+_SAME = 5e-4  # share up to which two numbers are as good: as many digits as tables have of differences
+PAPERS = "the paper's motion"  # what machines are compared over where no task is given
 
 
 @dataclass(frozen=True, eq=False)
-class DesignMeasure:
+class DesignMeasure(Readable):
     """A number of each design.
 
     Parameters
@@ -153,25 +149,7 @@ class DesignComparison(ShownInNotebook):
         return {"title": self.title, "designs": designs, "measures": measures}
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the measures to a CSV file, 17 significant digits.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        InputError
-            If its name does not end in ``.csv``.
-        FileError
-            If the file cannot be written.
-        """
+        """Write the measures to a CSV file, 17 significant digits; errors as `DesignForces.to_csv`."""
         return write_comparisons([self], path)
 
 
@@ -354,10 +332,10 @@ def _measured(found: Assessment) -> dict[tuple[str, str, Better], float]:
     for k, leg in enumerate(LEGS):
         values[f"top speed of {leg}", "m/s", "lower"] = float(np.abs(speed[:, k]).max())
     values["peak power", "W", "lower"] = float(power.max())
-    values["work given a cycle", "J", "lower"] = given
-    values["work taken back a cycle", "J", ""] = -back
+    values["work supplied per cycle", "J", "lower"] = given
+    values["work regenerated per cycle", "J", ""] = -back
     values["cycle time", "s", "lower"] = found.cycle_time
-    values["worst rating used", "%", "lower"] = 100 * found.worst.share
+    values["highest utilisation", "%", "lower"] = 100 * found.worst.share
     if found.drives is not None:
         values |= _of_drives(found)
     values["moving mass", "kg", "lower"] = found.robot.parameters.bodies.mass
@@ -378,7 +356,7 @@ def _of_drives(found: Assessment) -> dict[tuple[str, str, Better], float]:
         ("peak torque of the motors", "N m", "lower"): max(abs(axis.peak_torque) for axis in sizing.axes),
         ("rms torque of the motors", "N m", "lower"): max(axis.rms_torque for axis in sizing.axes),
         ("peak power of the bus", "W", "lower"): sizing.bus_peak_power,
-        ("work of the motors a cycle", "J", "lower"): sizing.bus_positive_work,
+        ("work of the motors per cycle", "J", "lower"): sizing.bus_positive_work,
     }
 
 
@@ -411,23 +389,13 @@ def _room(robot: Manipulator, result: InverseDynamics) -> FloatArray:
 
 
 def comparison_table(found: DesignComparison) -> Table:
-    """Return designs side by side, with differences against the first and which is better.
-
-    Parameters
-    ----------
-    found : DesignComparison
-        The designs.
-
-    Returns
-    -------
-    Table
-    """
+    """Return designs side by side, with differences against the first and which is better."""
     header = ["measure", found.names[0]]
     for name in found.names[1:]:
         header += [name, f"{name} − {found.names[0]}"]
     rows = [tuple(_row(found, measure)) for measure in found.measures]
     note = f"Differences are in percent of {found.names[0]}; lower or higher is the direction that is better."
-    return Table(f"Side by side: {found.title}", (*header, "better"), tuple(rows), note, "wide")
+    return Table(f"Comparison: {found.title}", (*header, "better"), tuple(rows), note, "wide")
 
 
 def _row(found: DesignComparison, measure: DesignMeasure) -> list[str]:
@@ -439,28 +407,18 @@ def _row(found: DesignComparison, measure: DesignMeasure) -> list[str]:
 
 
 def verdicts_table(found: DesignComparison) -> Table:
-    """Return for each design whether it fits, and which rating it uses most.
-
-    Parameters
-    ----------
-    found : DesignComparison
-        The designs.
-
-    Returns
-    -------
-    Table
-    """
+    """Return for each design whether it fits, and which rating it uses most."""
     rows = {}
     for one in found.assessments:
         worst = one.worst
         drive = [] if one.drives is None else [_drive(one) or ""]
         words = "yes" if one.fits else "no", f"{worst.name} of {worst.part}", percent(worst.share), worst.when
         rows[one.name] = [*words, *drive]
-    header = ["design", "fits", "most used", "used", "when"]
+    header = ["design", "fits", "critical rating", "utilisation", "when"]
     drives = any(one.drives is not None for one in found.assessments)
     unchecked = dict.fromkeys(words for one in found.assessments for words in one.unchecked)
     note = f"Not checked: {'; '.join(unchecked)}."
-    return table_of("Which rating is used most", [*header, *(["drive"] if drives else [])], rows, note)
+    return table_of("Critical ratings", [*header, *(["drive"] if drives else [])], rows, note)
 
 
 def _drive(found: Assessment) -> str | None:

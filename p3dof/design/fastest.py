@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import InputError, TaskError
+from p3dof._base.tables import NONE, Table, number, percent, table_of
+from p3dof._base.time_series.times import sample_count
 from p3dof.closed_form import kinematics
+from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import Path, Task
 from p3dof.design.tasks.fastest import fastest_law
-from p3dof.design.tasks.laws import Law, ProfileLaw, SmoothLaw, SpeedLaw
+from p3dof.design.tasks.laws import PROFILES, Law, ProfileLaw, SmoothLaw, SpeedLaw
 from p3dof.design.tasks.limits import AxisLimits, Demand, Way
 from p3dof.design.tasks.plan import Stretch, payloads, planned
-from p3dof.design.tasks.profiles import PROFILES
-from p3dof.design.tasks.smooth import STARTS, jerk_limited_law
-from p3dof.design.tasks.uses import FastestPlan, looked_at, uses_of
-from p3dof.machine.motion.times import sample_count
-from p3dof.machine.parameters import SLIDES, Friction
+from p3dof.design.tasks.smooth import STARTS, FastestPlan, LimitUse, jerk_limited_law, looked_at, uses_of
+from p3dof.machine.parameters import LEGS, SLIDES, Friction, Limits
 from p3dof.manipulator import Manipulator
+from p3dof.methods import InverseDynamics
 
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
-_KEPT = 4
-"""So many rows of places are kept with their poses."""
+_KEPT = 4  # so many rows of places are kept with their poses
 _BESIDE, _DIFFERENCE = 1e-7, 1e-3
 """Share of half a step by which third derivatives are taken off its ends, where they may jump; and of a way
 over which differences are taken."""
@@ -59,17 +59,13 @@ def fastest_plan(
         What it has to do.
     limits : AxisLimits, optional
         What the actuators may be asked for. Without it those of the task, and force and speed of the
-        machine's `p3dof.Limits` where the task gives none.
+        machine's `p3dof.machine.Limits` where the task gives none.
     nodes : int, optional
         Steps along each way, closer together at its ends; 400, with a jerk 150, without it.
     samples : int
         Least number of samples, as of `Task.plan`; all nodes are samples besides.
     progress : callable, optional
         Called with (done, total) ways.
-
-    Returns
-    -------
-    FastestPlan
 
     Raises
     ------
@@ -115,25 +111,7 @@ def fastest_plan(
 def way_of(
     robot: Manipulator, task: Task, path: Path, stops: tuple[int, int], limits: AxisLimits
 ) -> WayOfMachine:
-    """Return what a path between two stops of a task takes of a machine.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine, without what the task carries.
-    task : Task
-        What it has to do.
-    path : Path
-        Where it goes.
-    stops : tuple of int
-        The waypoints at its ends.
-    limits : AxisLimits
-        What the actuators may be asked for.
-
-    Returns
-    -------
-    WayOfMachine
-    """
+    """Return what a path between two stops of a task takes of a machine."""
     first, last = stops
     payload = payloads(task.waypoints, task.carrying)[last]
     machine = robot if payload is None else Manipulator(robot.parameters.carrying(payload))
@@ -144,25 +122,7 @@ def way_of(
 def fastest_along(
     path: Path, way: Way, limits: AxisLimits, nodes: int, starts: int = STARTS
 ) -> SpeedLaw | SmoothLaw:
-    """Return how a path is covered in the least time.
-
-    Parameters
-    ----------
-    path : Path
-        Where it goes.
-    way : Way
-        What it takes of the actuators.
-    limits : AxisLimits
-        What they may be asked for.
-    nodes : int
-        About how many steps.
-    starts : int
-        From how many beginnings a motion within a jerk is looked for.
-
-    Returns
-    -------
-    SpeedLaw or SmoothLaw
-    """
+    """Return how a path is covered in the least time."""
     breaks = np.union1d(path.breaks, path.at_waypoints)
     if np.isfinite(limits.jerk).any():
         return jerk_limited_law(nodes, path.end, breaks.tolist(), way, limits, starts)
@@ -182,21 +142,7 @@ def chosen_limits(robot: Manipulator, task: Task, limits: AxisLimits | None) -> 
 
 
 def limits_of(robot: Manipulator, task: Task, **others: ArrayLike | None) -> AxisLimits:
-    """Return the limits of a task, with force and speed of the machine where it gives none.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine.
-    task : Task
-        What it has to do.
-    **others : array-like, optional
-        What counts instead, by the names of `AxisLimits`; None does not.
-
-    Returns
-    -------
-    AxisLimits
-    """
+    """Return the limits of a task, with force and speed of the machine where it gives none."""
     own = robot.parameters.limits
     found = {"force": own.force, "speed": own.speed, **task.limits}
     given = {name: value for name, value in others.items() if value is not None}
@@ -204,21 +150,7 @@ def limits_of(robot: Manipulator, task: Task, **others: ArrayLike | None) -> Axi
 
 
 class WayOfMachine:
-    """What a path takes of the actuators of a machine.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine, with what it carries.
-    path : Path
-        Where the platform goes.
-    wrenches : ndarray, shape (K - 1, 6)
-        The external wrench from waypoint to waypoint [N, N m].
-    reflected_mass : ndarray, shape (3,)
-        What the drives add to each slider [kg].
-    with_jerk : bool
-        Whether third derivatives are asked for.
-    """
+    """What a path takes of the actuators of a machine."""
 
     def __init__(
         self,
@@ -307,3 +239,103 @@ def _nodes(count: int, breaks: FloatArray) -> FloatArray:
     near = np.isin(places, breaks)
     kept = np.append(True, np.diff(places) > 1e-9 * breaks[-1])
     return np.asarray(places[kept | near])
+
+
+_UNSEEN = ("jerk", "nut_force")  # limits of tasks that samples are not held against
+_FITS = 1 + 1e-9
+
+
+@dataclass(frozen=True)
+class OwnedUse:
+    """How much of a limit a task uses, and whose limit it is."""
+
+    of: str  # `"machine"` or `"task"`, that is also what the fastest motion was asked to keep
+    quantity: str  # what is limited
+    leg: str  # `"A"`, `"B"`, `"C"` or `"platform"`
+    value: float  # the largest value, and what is allowed [`unit`]
+    limit: float
+    unit: str  # of both
+    time: float  # when [s]
+
+    @property
+    def share(self) -> float:
+        """Value by limit: 1 at the limit."""
+        return self.value / self.limit
+
+
+def uses_of_task(
+    found: InverseDynamics | TaskForces, limits: AxisLimits | None, machine: Limits
+) -> tuple[LimitUse, ...]:
+    """Return how much of its limits a task uses, the fastest densely; None without limits or impossible."""
+    if isinstance(found, TaskForces) and isinstance(found.plan, FastestPlan):
+        return found.plan.uses
+    if limits is None or not found.possible:
+        return ()
+    force = found.forces + limits.reflected_mass * found.slider_accelerations
+    columns = {
+        "force": (np.abs(force), limits.force),
+        "speed": (np.abs(found.slider_velocities), limits.speed),
+        "power": (force * found.slider_velocities, limits.power),
+    }
+    uses = []
+    for name, (values, allowed) in columns.items():
+        for k, row in enumerate(values.argmax(axis=0)):
+            own = getattr(machine, name, np.inf)
+            if allowed[k] == own and not (name == "force" and limits.reflected_mass[k]):
+                continue
+            time, value = float(found.time[row]), max(float(values[row, k]), 0.0)
+            place = found.piece_at(time).name if isinstance(found, TaskForces) else ""
+            if np.isfinite(allowed[k]):
+                uses.append(LimitUse(name, LEGS[k], value, float(allowed[k]), time, place))
+    return tuple(uses)
+
+
+def unseen_limits(limits: AxisLimits | None) -> str:
+    """Return a warning of limits of a task that samples are not held against; empty if it has none."""
+    names = [] if limits is None else [n for n in _UNSEEN if np.isfinite(getattr(limits, n)).any()]
+    words = ", ".join(name.replace("_", " ") for name in names)
+    return f"limits of the task that hold for the time-optimal motion only: {words}" if words else ""
+
+
+def tightest_uses(
+    found: TaskForces, machine: Limits, limits: AxisLimits | None = None
+) -> tuple[OwnedUse, ...]:
+    """Return how much of each limit a task uses, of machine and task the one that is used more."""
+    rows = {
+        (one.quantity, one.leg): OwnedUse(
+            "machine", one.quantity, one.leg, one.value, one.limit, one.unit, one.time
+        )
+        for one in found.utilisations(machine)
+    }
+    plan = found.plan
+    chosen = plan.limits if isinstance(plan, FastestPlan) else limits
+    for use in uses_of_task(found, limits, machine):
+        own = rows.get((use.quantity, use.leg))
+        turning = chosen is not None and use.quantity == "force" and chosen.reflected_mass.any()
+        if own is None or (use.share > own.share and (turning or use.limit != abs(own.limit))):
+            rows[use.quantity, use.leg] = OwnedUse(
+                "task", use.quantity, use.leg, use.value, use.limit, use.unit, use.time
+            )
+    return tuple(rows.values())
+
+
+def within_limits(found: TaskForces, machine: Limits, limits: AxisLimits | None = None) -> bool:
+    """Return whether a task is possible and exceeds no limit; arguments are those of `tightest_uses`."""
+    return all(one.share <= _FITS for one in tightest_uses(found, machine, limits))
+
+
+def sizing_table(found: TaskForces, machine: Limits, limits: AxisLimits | None = None) -> Table:
+    """Return how much of each limit a task uses, when and where, and whose limit it is."""
+    rows = {
+        f"{one.quantity} {one.leg} [{one.unit}]": (
+            number(one.value),
+            number(one.time),
+            found.piece_at(one.time).name,
+            number(one.limit),
+            one.of,
+            NONE if np.isnan(one.share) else percent(one.share),
+        )
+        for one in tightest_uses(found, machine, limits)
+    }
+    header = ("limit of", "peak", "at t [s]", "segment", "limit", "of", "used")
+    return table_of("Utilisation of limits", header, rows, unseen_limits(limits))

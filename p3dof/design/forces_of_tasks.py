@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Literal, TypeVar, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
 from p3dof.analysis.load_friction import LoadFriction
-from p3dof.analysis.reactions import Stiffness
+from p3dof.analysis.reactions import (
+    AnyReactions,
+    Choice,
+    Reactions,
+    ReactionsComparison,
+    Stiffness,
+    Way,
+    of_result,
+    ways_of,
+)
 from p3dof.design.tasks import FastestPlan, Piece, Plan
+from p3dof.design.tasks.plan import JUMP
+from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import LEGS, Limits
 from p3dof.manipulator import Manipulator
-from p3dof.methods import InverseDynamics
+from p3dof.methods import InverseDynamics, JointStates
 from p3dof.methods.registry import Method
+from p3dof.methods.solution import CoulombLimits
 from p3dof.methods.utilisation import Utilisation, utilisations
 
 
@@ -103,17 +118,12 @@ class TaskForces(ShownInNotebook):
         return self.plan.piece_at(time)
 
     def utilisations(self, limits: Limits) -> tuple[Utilisation, ...]:
-        """Return how much of each limit the task uses, and when it uses most of it.
+        """Return how much of the limits of forces, speeds, travel and tilt the task uses, and when the most.
 
         Parameters
         ----------
         limits : Limits
             What the actuators can do.
-
-        Returns
-        -------
-        tuple of Utilisation
-            Forces, speeds and travel of A, B and C, and the tilt of the platform.
 
         Raises
         ------
@@ -133,22 +143,7 @@ class TaskForces(ShownInNotebook):
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write time, forces, power and pose of all samples to a CSV file, 17 significant digits.
 
-        With armatures, forces at the nuts follow those of the actuators.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        With armatures, forces at the nuts follow those of the actuators; errors as `InverseDynamics.to_csv`.
         """
         pose = np.concatenate([result.motion.pose for result in self.results])
         carried = [0.0 if piece.payload is None else piece.payload.mass for piece in self.plan.pieces]
@@ -185,10 +180,6 @@ def forces_of_task(
     stiffness : Stiffness, optional
         How joints and rods give way, for these loads; guesses by default.
 
-    Returns
-    -------
-    TaskForces
-
     Raises
     ------
     InputError
@@ -219,25 +210,7 @@ def forces_of_task(
 
 
 def machines_of(robot: Manipulator, plan: Plan) -> tuple[Manipulator, ...]:
-    """Return the machine with what it carries, for each piece of a plan.
-
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine; what it carries already stays on it.
-    plan : Plan
-        Of `Task.plan`.
-
-    Returns
-    -------
-    tuple of Manipulator
-        The same object wherever the same payload is carried.
-
-    Raises
-    ------
-    InputError
-        If an argument is something else.
-    """
+    """Return the machine with what it carries, for each piece; one object where the payload is the same."""
     if not isinstance(robot, Manipulator):
         raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
     if not isinstance(plan, Plan):
@@ -250,19 +223,9 @@ def machines_of(robot: Manipulator, plan: Plan) -> tuple[Manipulator, ...]:
 
 
 def pieces_table(found: TaskForces) -> Table:
-    """Return what every piece of a task takes.
-
-    Parameters
-    ----------
-    found : TaskForces
-        The forces over the task.
-
-    Returns
-    -------
-    Table
-    """
-    loads = (f"largest {leg} [N]" for leg in LEGS)
-    header = ("from → to", "begins [s]", "takes [s]", "carries [kg]", "fastest slider [m/s]", *loads)
+    """Return what every piece of a task takes."""
+    loads = (f"peak {leg} [N]" for leg in LEGS)
+    header = ("segment", "start [s]", "duration [s]", "payload [kg]", "peak speed [m/s]", *loads)
     rows: list[tuple[str, ...]] = []
     for piece, result in zip(found.plan.pieces, found.results, strict=True):
         forces = [number(peak) for peak in np.abs(result.forces).max(axis=0)]
@@ -276,22 +239,12 @@ def pieces_table(found: TaskForces) -> Table:
                 *forces,
             )
         )
-    note = f"{number(found.plan.duration)} s in all."
+    note = f"{number(found.plan.duration)} s in total."
     return Table(f"Task {found.plan.name}".strip(), header, tuple(rows), note)
 
 
 def limits_table(plan: FastestPlan) -> Table:
-    """Return how much of each of its limits the fastest plan uses, between the samples too, when and where.
-
-    Parameters
-    ----------
-    plan : FastestPlan
-        Of `fastest_plan`.
-
-    Returns
-    -------
-    Table
-    """
+    """Return how much of each of its limits the fastest plan uses, also between samples, when and where."""
     rows = {
         f"{one.quantity} {one.leg} [{one.unit}]": (
             one.holds_at,
@@ -303,12 +256,174 @@ def limits_table(plan: FastestPlan) -> Table:
         )
         for one in plan.uses
     }
-    header = ("limit of", "holds at", "peak", "limit", "used", "at t [s]", "on the way")
-    return table_of("Limits that the fastest motion keeps", header, rows)
+    header = ("limit of", "acts at", "peak", "limit", "utilisation", "at t [s]", "segment")
+    return table_of("Limits of the time-optimal motion", header, rows)
 
 
 @html_of.register(TaskForces)
 def task_forces_html(found: TaskForces) -> str:
     """Return how a notebook shows the forces of a task, as HTML."""
-    facts = f"{len(found.plan.pieces)} pieces over {number(found.plan.duration)} s"
+    facts = f"{len(found.plan.pieces)} segments over {number(found.plan.duration)} s"
     return notebook_html("Forces of a task", facts, [pieces_table(found)])
+
+
+_WHOLE = ("crossings", "armature")  # arrays that do not go by sample
+_Result = TypeVar("_Result", InverseDynamics, Reactions)
+
+
+def joined(found: TaskForces) -> InverseDynamics:
+    """Return the forces over a task as one result over the motion of its plan, such as for a page.
+
+    With what the platform carries on each piece. Where two pieces meet, the sample is the latter's: just
+    after a payload was picked up or put down.
+    """
+    if not isinstance(found, TaskForces):
+        raise InputError(f"found: expected TaskForces, got {shown(found)}")
+    time = np.concatenate([result.time for result in found.results])
+    last = np.append(np.diff(time) > 0, True)  # the latter of two samples of one time
+    one = _stacked(found.results, found.plan.motion, last)
+    crossings = np.concatenate([result.crossings for result in found.results])
+    return replace(one, crossings=crossings, examine=None)
+
+
+@overload
+def reactions_of_task(
+    robot: Manipulator,
+    plan: Plan,
+    joints: Way = ...,
+    *,
+    stiffness: Stiffness | None = ...,
+    load_friction: LoadFriction | None = ...,
+    progress: Progress | None = ...,
+) -> Reactions: ...
+@overload
+def reactions_of_task(
+    robot: Manipulator,
+    plan: Plan,
+    joints: Literal["all"],
+    *,
+    stiffness: Stiffness | None = ...,
+    load_friction: LoadFriction | None = ...,
+    progress: Progress | None = ...,
+) -> ReactionsComparison: ...
+@overload
+def reactions_of_task(
+    robot: Manipulator,
+    plan: Plan,
+    joints: Choice,
+    *,
+    stiffness: Stiffness | None = ...,
+    load_friction: LoadFriction | None = ...,
+    progress: Progress | None = ...,
+) -> AnyReactions: ...
+def reactions_of_task(
+    robot: Manipulator,
+    plan: Plan,
+    joints: Choice = "elastic",
+    *,
+    stiffness: Stiffness | None = None,
+    load_friction: LoadFriction | None = None,
+    progress: Progress | None = None,
+) -> AnyReactions:
+    """Return the reactions of all joints over a planned task.
+
+    Parameters
+    ----------
+    robot, plan
+        As of `forces_of_task`.
+    joints : {"elastic", "paper", "points", "all"}
+        How loads are found that rigid bodies leave open; see `p3dof.analysis.reactions`.
+    stiffness : Stiffness, optional
+        How joints and rods give way; guesses without it.
+    load_friction : LoadFriction, optional
+        Friction that grows with the loads of the joints.
+    progress : callable, optional
+        Called with (done, total) pieces.
+
+    Returns
+    -------
+    Reactions or ReactionsComparison
+        Over the motion of the plan, each piece with its own payload and wrench. Where these change, there are
+        two samples, the latter a billionth of the whole time later: loads may jump.
+
+    Raises
+    ------
+    InputError, ReachError, SingularityError
+        As `forces_of_task`.
+    """
+    ways_of(joints)
+    results: list[AnyReactions] = []
+    for done, (machine, piece) in enumerate(zip(machines_of(robot, plan), plan.pieces, strict=True), 1):
+        given = {"wrench": piece.wrench, "stiffness": stiffness, "load_friction": load_friction}
+        try:
+            found = machine.reactions(piece.motion, joints, **given)  # type: ignore[call-overload]
+        except SampleError as error:
+            error.args = (f"{piece.name}: {error}", *error.args[1:])
+            raise
+        results.append(found)
+        if progress is not None:
+            progress(done, len(plan.pieces))
+    return _with_jumps(results, plan)
+
+
+def reactions_under(robot: Manipulator, found: TaskForces, stiffness: Stiffness | None = None) -> Reactions:
+    """Return the reactions of elastic joints under forces that are known, as of `reactions_of_task`."""
+    results = [
+        of_result(machine.loop, machine.parameters, result, "elastic", "raise", stiffness)
+        for machine, result in zip(machines_of(robot, found.plan), found.results, strict=True)
+    ]
+    return _with_jumps(results, found.plan).each[0]
+
+
+def without_jumps(reactions: Reactions, plan: Plan) -> Reactions:
+    """Return reactions at the samples of a plan, for a page; the latter of two where a load jumps."""
+    rows, jumps = _samples(plan)
+    return _stacked([reactions], plan.motion, ~jumps[rows])
+
+
+def _samples(plan: Plan) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which samples of all pieces count, one after the other, and after which of them a load jumps."""
+    time = np.concatenate([piece.motion.time for piece in plan.pieces])
+    last, jumps = np.append(np.diff(time) > 0, True), np.zeros(len(time), dtype=bool)
+    ends = np.cumsum([len(piece.motion) for piece in plan.pieces])[:-1]
+    for former, latter, k in zip(plan.pieces[:-1], plan.pieces[1:], ends.tolist(), strict=True):
+        jumps[k - 1] = former.payload is not latter.payload or (former.wrench != latter.wrench).any()
+    return last | jumps, jumps
+
+
+def _with_jumps(results: Sequence[AnyReactions], plan: Plan) -> AnyReactions:
+    """Return the reactions of all pieces as one, with two samples wherever the load changes."""
+    rows, jumps = _samples(plan)
+    time = np.concatenate([piece.motion.time for piece in plan.pieces])
+    for k in (np.flatnonzero(jumps) + 1).tolist():
+        later = time[k + 1] if k + 1 < len(time) else np.inf
+        time[k] = min(time[k] + JUMP * plan.duration, (time[k] + later) / 2)
+    pose, velocity, acceleration = (
+        np.concatenate([getattr(piece.motion, name) for piece in plan.pieces])[rows]
+        for name in ("pose", "velocity", "acceleration")
+    )
+    motion = Motion(time[rows], pose, velocity, acceleration, check=False, start=0.0)
+    each = [_stacked(ways, motion, rows) for ways in zip(*(one.each for one in results), strict=True)]
+    return each[0] if len(each) == 1 else ReactionsComparison(*each)
+
+
+def _stacked(results: Sequence[_Result], motion: Motion, rows: NDArray[np.bool_]) -> _Result:
+    """Return some samples of the results of all pieces as one over a motion."""
+    changed: dict[str, object] = {"motion": motion}
+    for field in fields(results[0]):
+        parts = [getattr(result, field.name) for result in results]
+        if isinstance(parts[0], JointStates):
+            columns = (np.concatenate([getattr(part, name) for part in parts])[rows] for name in "qva")
+            changed[field.name] = JointStates(parts[0].names, *columns)
+        elif isinstance(parts[0], CoulombLimits):
+            changed[field.name] = _stacked_limits(parts, rows)
+        elif isinstance(parts[0], np.ndarray) and field.name not in _WHOLE:
+            changed[field.name] = np.concatenate(parts)[rows]
+    return replace(results[0], **changed)  # type: ignore[arg-type]  # by their names
+
+
+def _stacked_limits(parts: Sequence[CoulombLimits], rows: NDArray[np.bool_]) -> CoulombLimits:
+    limits = {name: np.concatenate([part.limits[name] for part in parts])[rows] for name in parts[0].limits}
+    lost = [part.screws for part in parts if part.screws is not None]
+    screws = np.concatenate(lost)[rows] if len(lost) == len(parts) else None
+    return replace(parts[0], limits=limits, screws=screws)

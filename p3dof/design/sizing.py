@@ -17,8 +17,7 @@ from p3dof.machine.parameters import Friction, Parameters
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
-_POSES = 200
-"""Poses of each piece at which holding forces and inertia are looked at."""
+_POSES = 200  # poses of each piece at which holding forces and inertia are looked at
 
 
 def size_drives(
@@ -54,10 +53,6 @@ def size_drives(
         How much more a brake must hold than what it bears.
     progress : callable, optional
         Called with (done, total) drives.
-
-    Returns
-    -------
-    list of Sizing
 
     Raises
     ------

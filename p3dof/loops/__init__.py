@@ -8,30 +8,26 @@ This layer knows no particular mechanism.
 Where to look, from what a user has to what is computed:
 
 - files: `robots` (`load_robot`), `formats` (URDF, URDF+, MJCF, SRDF, names, Pinocchio's own models),
-  `sidecar`, `constraints` (closures and couplings), `joint_data`, `writers`;
-- the tree: `trees`, `joints`, `coordinates`, `locks`, `passive` (springs, damping, friction), `motors`,
-  `energy`;
-- closures: `closures` evaluates them, `closure_kinds` and `relative_motion` those that Pinocchio does not
-  know, `couplings`; `closure_wrenches` has the forces in them in space;
-- closing loops: `assembly`, `solver`, `trust`, `modes`, `targets`;
+  `sidecar` (closures, couplings, data of joints), `writers`;
+- the tree: `trees` (joints locked, too), `coordinates` (joints, rotations, springs, damping, friction);
+- closures: `closures` evaluates them and couplings, `closure_kinds` those that Pinocchio does not know;
+  `closure_joints` has the forces in them in space;
+- closing loops: `assembly`, with targets and what solves;
 - dynamics: `inverse`, `forward`, `hybrid` with their `results`; `partitions` and `linear` solve;
   `reactions`, with `compliance` of elastic joints;
-- equations of motion: `independent`, `minimal`, `margins`, `linearised` with `*_tangents` (derivatives),
-  `regressor`, `base_parameters`;
-- the class, a chain in which each module adds one subject: `closed_tree` (what it is), `built_model` (where
-  it comes from), `assembly_model`, `loop_model` (dynamics), `hybrid_model`, `minimal_model`,
-  `derivatives_model`, `identification_model`, `margins_model`, `batch_model` (many samples),
-  `compiling_model` (which keeps what is compiled), `compiled_model` (``method="compiled"``), `model`
-  (`ClosedLoopModel`); `scaled_model` and `units` serve robots much smaller or larger than a metre;
-- many samples: `batch`; in C: `compiled`, with the runs in time that `p3dof.runs` makes.
+- equations of motion: `minimal` (independent coordinates), `margins`, `derivatives` with `*_tangents`,
+  `regressor` (and base parameters);
+- the class: `loop_model` is the door for one configuration, `model` (`ClosedLoopModel`) adds many samples, C
+  and files. Behind them stand a robot in one unit of length (`closed_tree`), the modules above, and
+  `compiled.kept` (``method="compiled"``); `units` serves robots much smaller or larger than a
+  metre, and is the only place where numbers change their unit;
+- many samples: `batch`; in C: `compiled`, with the simulations that `p3dof.runs` makes.
 """
 
-from p3dof.loops.assembly_results import Assembly, State
-from p3dof.loops.base_parameters import BaseParameters
-from p3dof.loops.batch.energy import BodyEnergies
-from p3dof.loops.batch.results import BatchForwardDynamics, BatchHybridDynamics, BatchInverseDynamics
-from p3dof.loops.batch.states import BatchStates
-from p3dof.loops.batch.targets import FrameTargets
+from p3dof.loops.assembly import Assembly, FrameTarget, State
+from p3dof.loops.batch.assembly import BatchStates, FrameTargets
+from p3dof.loops.batch.dynamics import BatchForwardDynamics, BatchHybridDynamics, BatchInverseDynamics
+from p3dof.loops.batch.kinematics import BodyEnergies
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
 from p3dof.loops.compiled.results import CompiledDerivatives, CompiledDynamics
 from p3dof.loops.compliance import JointCompliance, beam
@@ -43,19 +39,21 @@ from p3dof.loops.derivatives import (
     HybridDynamicsDerivatives,
     InverseDynamicsDerivatives,
 )
-from p3dof.loops.hybrid_results import HybridDynamics
-from p3dof.loops.joint_data import JointData
 from p3dof.loops.margins import SingularityMargins
 from p3dof.loops.minimal import FrameJacobian, MinimalDynamics
 from p3dof.loops.model import ClosedLoopModel
-from p3dof.loops.motors import MotorSide
-from p3dof.loops.reactions import ClosureJoint, JointReactions, ReactionSolver
-from p3dof.loops.reactions_batch import BatchReactions, reactions_batch, reactions_by_each
-from p3dof.loops.regressor import LoopRegressor
-from p3dof.loops.results import ForwardDynamics, InverseDynamics
+from p3dof.loops.reactions import (
+    BatchReactions,
+    ClosureJoint,
+    JointReactions,
+    ReactionSolver,
+    reactions_batch,
+    reactions_by_each,
+)
+from p3dof.loops.regressor import BaseParameters, LoopRegressor
+from p3dof.loops.results import ForwardDynamics, HybridDynamics, InverseDynamics
 from p3dof.loops.robots import load_robot
-from p3dof.loops.sidecar import Closure, Coupling, Sidecar
-from p3dof.loops.targets import FrameTarget
+from p3dof.loops.sidecar import Closure, Coupling, JointData, MotorSide, Sidecar
 
 __all__ = [
     "Assembly",

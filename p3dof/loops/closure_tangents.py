@@ -24,14 +24,53 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
 from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.constraints import Coupling
-from p3dof.loops.coupling_tangents import CouplingTangents
+from p3dof.loops.coordinates import single_joint
+from p3dof.loops.sidecar import Coupling
 from p3dof.loops.tree_tangents import TreeMotion, hat
 
-_X, _Y, _Z = _POSITION = 3, 7, 11
-"""Where the position is among the twelve entries of T, three rows of four."""
-_TILT = ({6: -1.0}, {2: 1.0})
-"""x and y of z1 × z2: -E_yz, E_xz."""
+
+class CouplingTangents:
+    """Derivatives of q_joint = p(q_on) + Σ f q_other: only p is curved, all in the column of `on`."""
+
+    def __init__(self, model: pin.Model, couplings: Sequence[Coupling], q: FloatArray) -> None:
+        self._nv, self._size = int(model.nv), len(couplings)
+        curved = [(row, c, c.on) for row, c in enumerate(couplings) if c.on and any(c.coefficients[2:])]
+        self._rows = np.array([row for row, _, _ in curved], dtype=int)
+        joints = [single_joint(model, on, f"coupling {c.title}") for _, c, on in curved]
+        self._on = np.array([model.idx_vs[joint] for joint in joints], dtype=int)
+        bends = []
+        for (_, coupling, _), joint in zip(curved, joints, strict=True):
+            p, value = np.polynomial.Polynomial(coupling.coefficients), q[model.idx_qs[joint]]
+            bends.append((p.deriv(2)(value), p.deriv(3)(value)))  # no continuous joint enters in a power
+        self._second, self._third = np.array(bends, dtype=float).reshape(-1, 2).T
+
+    def velocity_by_q(self, w: FloatArray) -> FloatArray:
+        """Return the derivative by q of J w (size, nv), w (nv,) being constant."""
+        return self._placed(-self._second * w[self._on])
+
+    def jacobian_rate(self, v: FloatArray) -> FloatArray:
+        """Return J̇ (size, nv) at a velocity (nv,)."""
+        return self._placed(-self._second * v[self._on])
+
+    def acceleration(self, v: FloatArray, a: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the derivatives (size, nv) by q and by v of the accelerations J a + J̇ v."""
+        v, a = v[self._on], a[self._on]
+        return self._placed(-self._second * a - self._third * v**2), self._placed(-2.0 * self._second * v)
+
+    def force_by_q(self, lambda_: FloatArray) -> FloatArray:
+        """Return the derivative by q of Jᵀ λ (nv, nv), λ (size,) being constant."""
+        total = np.zeros((self._nv, self._nv))
+        np.add.at(total, (self._on, self._on), -self._second * lambda_[self._rows])
+        return total
+
+    def _placed(self, values: FloatArray) -> FloatArray:
+        result = np.zeros((self._size, self._nv))
+        result[self._rows, self._on] = values
+        return result
+
+
+_X, _Y, _Z = _POSITION = 3, 7, 11  # where the position is among the twelve entries of T, three rows of four
+_TILT = ({6: -1.0}, {2: 1.0})  # x and y of z1 × z2: -E_yz, E_xz
 _TURN = ({9: 0.5, 6: -0.5}, {2: 0.5, 8: -0.5}, {4: 0.5, 1: -0.5})
 _POINT = ({_X: 1.0}, {_Y: 1.0}, {_Z: 1.0})
 _ENTRIES: dict[str, tuple[dict[int, float], ...]] = {
@@ -47,23 +86,7 @@ _ENTRIES: dict[str, tuple[dict[int, float], ...]] = {
 
 
 class ClosureTangents:
-    """Derivatives of J v and d(J v)/dt of closures and couplings, in one motion.
-
-    Arrays (c, nv, ...) have one row for each closure and each entry of v.
-
-    Parameters
-    ----------
-    kinematics : LoopKinematics
-        The model.
-    couplings : sequence of Coupling
-        Its couplings.
-    motion : TreeMotion
-        The motion of its bodies.
-    q : (nq,) array
-        Configuration.
-    v, a : (nv,) array
-        Velocity and acceleration.
-    """
+    """Derivatives of J v and d(J v)/dt in one motion; (c, nv, ...): a row a closure and an entry of v."""
 
     def __init__(
         self,

@@ -2,57 +2,182 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from itertools import chain, groupby, pairwise
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, one_line
 from p3dof._base.errors import ModelError, P3dofError
 from p3dof._base.threads import Own
-from p3dof.loops.closure_kinds import PARTS, KindRows, lengths_of
-from p3dof.loops.coordinates import length_coordinates
-from p3dof.loops.couplings import CouplingRows
+from p3dof.loops.closure_kinds import LENGTHS, PARTS, Ends, KindRows, OtherClosures
+from p3dof.loops.coordinates import length_coordinates, single_joint
 from p3dof.loops.linear import RANK_TOLERANCE, Decomposition
-from p3dof.loops.relative_motion import Ends, OtherClosures
-from p3dof.loops.sidecar import Closure, Sidecar, suggestion
+from p3dof.loops.sidecar import MAX_COEFFICIENTS, Closure, Coupling, Sidecar, suggestion
 
-TIGHT = 1e-11
-"""Gap so small that rank tolerances do not depend on it [m or rad]."""
+IndexArray: TypeAlias = NDArray[np.int_]
+
+_LARGEST_DENOMINATOR = 1000
+"""Of the ratio of two continuous joints; a gear with more teeth could be turned by one unnoticed."""
+_EXACT = 1e-12  # how near a ratio is to its fraction
 
 
-@dataclass(frozen=True, eq=False)
+class CouplingRows:
+    """The couplings q_joint = p(q_on) + Σ f q_other of a model; leading axes, if any, count samples."""
+
+    def __init__(self, model: pin.Model, couplings: Sequence[Coupling]) -> None:
+        self.size, self._nv = len(couplings), int(model.nv)
+        joints = np.array([_ends(model, c) for c in couplings], dtype=int).reshape(-1, 2).T
+        self._q, self._v = np.array(model.idx_qs)[joints], np.array(model.idx_vs)[joints]
+        self.following = self._v[0]  # indices in v of the joints that follow
+        circles = np.array(model.nqs)[joints] == 2
+        circles[joints == 0] = False
+        self._circles = [np.flatnonzero(end) for end in circles]
+        self._on = np.flatnonzero(joints[1])
+        coefficients = np.zeros((self.size, MAX_COEFFICIENTS))
+        for row, coupling in enumerate(couplings):
+            coefficients[row, : len(coupling.coefficients)] = coupling.coefficients
+        powers = np.arange(MAX_COEFFICIENTS)
+        first = np.roll(coefficients * powers, -1, axis=1)
+        self._polynomials = np.stack((coefficients, first, np.roll(first * powers, -1, axis=1)))
+        self._powers = powers
+        self._others = _Others(model, couplings)
+        each = zip(couplings, *circles, self._others.on_circles, strict=True)
+        self.periods = np.array([_period(coupling, *known) for coupling, *known in each])
+        """Up to multiples of what each holds; zero where it holds as it is."""
+        self._wrapped = np.flatnonzero(self.periods)
+
+    def errors(self, q: FloatArray) -> FloatArray:
+        """Return q_joint - p(q_on) - Σ f q_other (..., size), to the nearest that continuous joints allow."""
+        error = self._values(q, 0) - self._derivative(q, 0) - self._others.sums(q)
+        period = self.periods[self._wrapped]
+        error[..., self._wrapped] -= period * np.round(error[..., self._wrapped] / period)
+        return error
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Return the Jacobian (..., size, nv)."""
+        J, rows = np.zeros((*q.shape[:-1], self.size, self._nv)), np.arange(self.size)
+        J[..., rows, self._v[0]] = 1.0
+        J[..., self._on, self._v[1, self._on]] = -self._derivative(q, 1)[..., self._on]
+        J[..., self._others.rows, self._others.v] = -self._others.factors
+        return J
+
+    def drift(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return J̇ v (..., size)."""
+        return np.asarray(-self._derivative(q, 2) * v[..., self._v[1]] ** 2)
+
+    def _values(self, q: FloatArray, end: int) -> FloatArray:
+        """Return the values of the joints at one end."""
+        return _angles(q, self._q[end], self._circles[end])
+
+    def _derivative(self, q: FloatArray, order: int) -> FloatArray:
+        """Return p, p' or p'' of the joints at the other end."""
+        powers = self._values(q, 1)[..., None] ** self._powers
+        return np.asarray(np.sum(self._polynomials[order] * powers, axis=-1))
+
+
+class _Others:
+    """The linear terms of further joints, all couplings together."""
+
+    def __init__(self, model: pin.Model, couplings: Sequence[Coupling]) -> None:
+        terms = [
+            (row, single_joint(model, name, f"coupling {coupling.title}"), factor)
+            for row, coupling in enumerate(couplings)
+            for name, factor in coupling.others
+        ]
+        rows, joints, factors = zip(*terms, strict=True) if terms else ((), (), ())
+        self.rows, self.factors = np.array(rows, dtype=int), np.array(factors)
+        """Of each term, the coupling and the factor."""
+        chosen = np.array(joints, dtype=int)
+        self.v, self._q = np.array(model.idx_vs)[chosen], np.array(model.idx_qs)[chosen]
+        """Of each term, where its joint is in v."""
+        circles = np.array(model.nqs)[chosen] == 2
+        self._circles = np.flatnonzero(circles)
+        self.on_circles = [self.factors[circles & (self.rows == row)] for row in range(len(couplings))]
+        """Of each coupling, the factors of continuous joints."""
+        self._sums = np.zeros((len(terms), len(couplings)))
+        self._sums[np.arange(len(terms)), self.rows] = self.factors
+
+    def sums(self, q: FloatArray) -> FloatArray:
+        """Return Σ f q_other (..., size)."""
+        return np.asarray(_angles(q, self._q, self._circles) @ self._sums) if len(self.rows) else np.zeros(())
+
+
+def _angles(q: FloatArray, indices: IndexArray, circles: IndexArray) -> FloatArray:
+    """Return values of joints, for continuous ones their angles within half a turn."""
+    values = q[..., indices]
+    if len(circles):
+        cosine = indices[circles]
+        values[..., circles] = np.arctan2(q[..., cosine + 1], q[..., cosine])
+    return values
+
+
+def _ends(model: pin.Model, coupling: Coupling) -> tuple[int, int]:
+    """Return the joint that follows, and the other one or 0."""
+    what = f"coupling {coupling.title}"
+    joint = single_joint(model, coupling.joint, what)
+    return joint, 0 if coupling.on is None else single_joint(model, coupling.on, what)
+
+
+def _period(coupling: Coupling, circle: bool, on_circle: bool, others: FloatArray) -> float:
+    """Return up to multiples of what the coupling holds: what whole turns of continuous joints leave open."""
+    ratio = coupling.coefficients[1] if len(coupling.coefficients) > 1 else 0.0
+    help_ = "the turns of a continuous joint are not counted: make it revolute"
+    if on_circle and any(coupling.coefficients[2:]):
+        raise ModelError(f"coupling {coupling.title}: {coupling.on!r} enters in a higher power; {help_}")
+    turns = [1.0 if circle else 0.0, ratio if on_circle else 0.0, *others.tolist()]
+    factors = [abs(factor) for factor in turns if factor]
+    if not factors:
+        return 0.0
+    shares = [Fraction(factor / factors[0]).limit_denominator(_LARGEST_DENOMINATOR) for factor in factors]
+    for factor, share in zip(factors, shares, strict=True):
+        if abs(float(share) * factors[0] - factor) > _EXACT * factor:
+            ratio = factor / factors[0]
+            raise ModelError(
+                f"coupling {coupling.title}: the ratio {ratio:.12g} of two continuous joints is no fraction "
+                f"with a denominator of at most {_LARGEST_DENOMINATOR}; {help_}"
+            )
+    common = math.lcm(*(share.denominator for share in shares))
+    if common > _LARGEST_DENOMINATOR:
+        raise ModelError(
+            f"coupling {coupling.title}: the ratios of its continuous joints have the common denominator "
+            f"{common}, expected at most {_LARGEST_DENOMINATOR}; {help_}"
+        )
+    divisor = math.gcd(*(int(share * common) for share in shares))
+    return float(2.0 * np.pi * factors[0] * divisor / common)
+
+
+TIGHT = 1e-11  # gap so small that rank tolerances do not depend on it [m or rad]
+
+
+@dataclass(eq=False)
 class ClosurePoint:
-    """The closures at one configuration.
+    """The closures at one configuration."""
 
-    Parameters
-    ----------
-    q : (nq,) array
-        The configuration.
-    error : (rows,) array
-        How far each closure is open. ``3d``: R1ᵀ(p2 - p1) [m]; ``6d``: log6(M1⁻¹ M2) [m, rad].
-    J : (rows, nv) array
-        The closures' Jacobian: velocity of frame 2 relative to frame 1, in the axes of frame 1.
-    """
-
-    q: FloatArray
+    q: FloatArray  # (nq,): the configuration
     error: FloatArray
+    """(rows,): how far each closure is open. `3d`: R1ᵀ(p2 - p1) [m]; `6d`: log6(M1⁻¹ M2) [m, rad]."""
     J: FloatArray
+    """(rows, nv): the closures' Jacobian: velocity of frame 2 relative to frame 1, in the axes of frame 1."""
 
-    @cached_property
+    @property
     def gap(self) -> float:
         """The largest entry of `error` [m or rad]; zero without closures."""
         return max_abs(self.error)
 
-    @cached_property
+    @property
     def tight(self) -> bool:
         """Whether the gap is smaller than all that tolerances look at."""
         return bool(self.error.dot(self.error) <= TIGHT**2)
 
-    @cached_property
+    @property
     def rank_tolerance(self) -> float:
         """Relative rank tolerance at this configuration.
 
@@ -68,123 +193,24 @@ class ClosurePoint:
         return Decomposition.of(self.J, self.rank_tolerance)
 
 
-class LoopKinematics:
-    """The closures and couplings of a model, and their evaluation.
+class _ErrorRows:
+    """Where in the errors of a robot its closures are, and after them its couplings."""
 
-    Points and frames are Pinocchio constraint models. Every thread has an `_Evaluation` of its own.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    sidecar : Sidecar
-        The closures and couplings, whose rows follow each other in this order.
-
-    Raises
-    ------
-    ModelError
-        If a frame or joint does not exist, both frames of a closure are on the same body, or a coupled joint
-        has several degrees of freedom.
-    """
-
-    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
-        self.model = model
-        self.frames = _frames_by_name(model)
-        self.closures = sidecar.closures
-        self.couplings = CouplingRows(model, sidecar.couplings)
-        titles = [f"coupling {coupling.title}" for coupling in sidecar.couplings]
-        self.names = [*(f"closure {closure.name}" for closure in self.closures), *titles]
-        stops = np.cumsum([0, *(closure.rows for closure in self.closures), *(1 for _ in titles)]).tolist()
-        self.rows = [slice(*ends) for ends in pairwise(stops)]
-        """Rows of the closures, then of the couplings."""
+    def __init__(self, sidecar: Sidecar) -> None:
+        closures, couplings = sidecar.closures, sidecar.couplings
+        self.names = [
+            *(f"closure {closure.name}" for closure in closures),
+            *(f"coupling {coupling.title}" for coupling in couplings),
+        ]
+        lengths = [*(LENGTHS[closure.kind] for closure in closures), *([False] for _ in couplings)]
+        stops = np.cumsum([0, *map(len, lengths)]).tolist()
+        self.rows = [slice(*ends) for ends in pairwise(stops)]  # by closure, then by coupling
         self.size: int = stops[-1]
-        self.coupled = slice(self.size - len(titles), self.size)
-        """Rows of all couplings."""
-        sizes = [[len(list(part)) for _, part in groupby(lengths_of(c.kind))] for c in self.closures]
-        parts = [*sizes, *([1] for _ in titles)]
+        self.coupled = slice(self.size - len(couplings), self.size)  # rows of all couplings
+        # What is measured as one: a distance, a rotation.
+        parts = [[len(list(part)) for _, part in groupby(each)] for each in lengths]
         self._parts = np.cumsum([0, *chain.from_iterable(parts)])[:-1]
         self._first_parts = np.cumsum([0, *map(len, parts)])[:-1]
-        self.ends = [self._ends(closure) for closure in self.closures]
-        """Joint and placement in its body of frame 1, then of frame 2, by closure."""
-        own = [i for i, closure in enumerate(self.closures) if closure.kind in PARTS]
-        self.own = np.array(own, dtype=int)
-        """Which closures are no constraint models of Pinocchio."""
-        self.kinds = KindRows([self.closures[i] for i in own], [self.rows[i] for i in own])
-        self.plain = not own and not titles
-        """Whether all are constraint models of Pinocchio."""
-        self.anchors = [i for i in range(len(self.closures)) if i not in own]
-        """Those that are."""
-        self.constraint_models = pin.StdVec_ConstraintModel()
-        for i in self.anchors:
-            kind = (
-                pin.PointAnchorConstraintModel
-                if _is_point(self.closures[i])
-                else pin.FrameAnchorConstraintModel
-            )
-            self.constraint_models.append(pin.ConstraintModel(kind(model, *self.ends[i])))
-        self.lengths = length_coordinates(model)[1]
-        """Which of v are rates of lengths."""
-        self._own = Own(lambda: _Evaluation(self))
-
-    @property
-    def data(self) -> pin.Data:
-        """Joint placements and Jacobians of the last configuration that this thread gave to `at`."""
-        return self._own.here.data
-
-    def at(self, q: FloatArray) -> ClosurePoint:
-        """Evaluate the closures; the last result is kept, so asking again costs nothing.
-
-        Parameters
-        ----------
-        q : (nq,) array
-            The configuration.
-
-        Returns
-        -------
-        ClosurePoint
-        """
-        return self._own.here.at(q)
-
-    def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:
-        """Bring the velocities and accelerations of all bodies into `data`.
-
-        Parameters
-        ----------
-        q : (nq,) array
-            The configuration.
-        v, a : (nv,) array
-            Velocity and acceleration; zero acceleration by default.
-        """
-        self._own.here.move(q, v, a)
-
-    def acceleration(self) -> FloatArray:
-        """Return the closures' relative acceleration d(J v)/dt (rows,) of the motion given to `move`.
-
-        With zero joint acceleration it is the drift J̇ v. It is exact also where the loops are a little open.
-        """
-        return self._own.here.acceleration()
-
-    def frame(self, name: str, what: str, error: type[P3dofError]) -> pin.Frame:
-        """Return a frame of the model by name.
-
-        Parameters
-        ----------
-        name : str
-            The name; of several frames with this name the one of a link is meant.
-        what : str
-            What to call the argument in an error.
-        error : type of P3dofError
-            The error to raise if there is no such frame.
-
-        Returns
-        -------
-        pin.Frame
-        """
-        try:
-            return self.model.frames[self.frames[name]]
-        except (KeyError, TypeError) as problem:
-            help_ = suggestion(str(name), self.frames)
-            raise error(f"{what}: the frame {name!r} does not exist; {help_}") from problem
 
     def gaps(self, error: FloatArray) -> FloatArray:
         """Return how far each closure and coupling is open: the longer of distance and rotation vector."""
@@ -198,6 +224,58 @@ class LoopKinematics:
         sizes = [max_abs(error[rows]) for rows in self.rows]
         return self.names[int(np.argmax(sizes))]
 
+
+class LoopKinematics(_ErrorRows):
+    """The closures and couplings of a model; every thread has an `_Evaluation` of its own."""
+
+    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
+        super().__init__(sidecar)
+        self.model, self.frames = model, _frames_by_name(model)
+        self.closures, self.couplings = sidecar.closures, CouplingRows(model, sidecar.couplings)
+        self.ends = [self._ends(closure) for closure in self.closures]
+        """Joint and placement in its body of frame 1, then of frame 2, by closure."""
+        own = [i for i, closure in enumerate(self.closures) if closure.kind in PARTS]
+        self.own = np.array(own, dtype=int)  # which closures are no constraint models of Pinocchio
+        self.anchors = [i for i in range(len(self.closures)) if i not in own]  # those that are
+        self.plain = len(self.anchors) == len(self.rows)  # whether all are constraint models of Pinocchio
+        self.constraint_models = pin.StdVec_ConstraintModel()
+        for i in self.anchors:
+            point = self.closures[i].kind == "3d"
+            kind = pin.PointAnchorConstraintModel if point else pin.FrameAnchorConstraintModel
+            self.constraint_models.append(pin.ConstraintModel(kind(model, *self.ends[i])))
+        self.lengths = length_coordinates(model)[1]  # which of v are rates of lengths
+        self._own = Own(lambda: _Evaluation(self))
+
+    @cached_property
+    def kinds(self) -> KindRows:
+        """The rows of those closures."""
+        return KindRows([self.closures[i] for i in self.own], [self.rows[i] for i in self.own])
+
+    @property
+    def data(self) -> pin.Data:
+        """Joint placements and Jacobians of the last configuration that this thread gave to `at`."""
+        return self._own.here.data
+
+    def at(self, q: FloatArray) -> ClosurePoint:
+        """Evaluate the closures; the last result is kept, so asking again costs nothing."""
+        return self._own.here.at(q)
+
+    def move(self, q: FloatArray, v: FloatArray, a: FloatArray | None = None) -> None:
+        """Bring the velocities and accelerations of all bodies into `data`."""
+        self._own.here.move(q, v, a)
+
+    def acceleration(self) -> FloatArray:
+        """Return d(J v)/dt (rows,) of the motion given to `move`, exact in open loops too; J̇ v without a."""
+        return self._own.here.acceleration()
+
+    def frame(self, name: str, what: str, error: type[P3dofError]) -> pin.Frame:
+        """Return a frame of the model by name."""
+        try:
+            return self.model.frames[self.frames[name]]
+        except (KeyError, TypeError) as problem:
+            help_ = suggestion(str(name), self.frames)
+            raise error(f"{what}: the frame {name!r} does not exist; {help_}") from problem
+
     def _ends(self, closure: Closure) -> Ends:
         frame1, frame2 = (
             self.frame(name, f"closure {one_line(closure.name)}", ModelError)
@@ -210,10 +288,7 @@ class LoopKinematics:
 
 
 class _Evaluation:
-    """The closures at one configuration after the other, for one thread: all that is written to.
-
-    Its `data` always holds the joint placements and Jacobians of the last configuration.
-    """
+    """The closures at one configuration, for one thread: `data` has placements and Jacobians of the last."""
 
     def __init__(self, kinematics: LoopKinematics) -> None:
         k = self._k = kinematics
@@ -255,20 +330,16 @@ class _Evaluation:
 
     def _evaluated(self, q: FloatArray, key: bytes) -> ClosurePoint:
         """Return the closures at the configuration that `data` and the constraint models hold."""
-        error = np.concatenate(self._errors) if self._errors else np.zeros(0)
-        J = self._anchor_jacobian()
+        if self._pairs:
+            error, models = np.concatenate(self._errors), self._k.constraint_models
+            J = pin.getConstraintsJacobian(self.model, self.data, models, self._constraint_datas)
+        else:
+            error, J = np.zeros(0), np.zeros((0, self.model.nv))
         if not self.plain:
             error, J = self._complete(q, error, J)
         self._key = key
         self._last = ClosurePoint(q.copy(), error, J)
         return self._last
-
-    def _anchor_jacobian(self) -> Any:
-        """Return the rows of the constraint models."""
-        if not self._pairs:
-            return np.zeros((0, self.model.nv))
-        models = self._k.constraint_models
-        return pin.getConstraintsJacobian(self.model, self.data, models, self._constraint_datas)
 
     def _complete(
         self, q: FloatArray, errors: FloatArray, anchored: FloatArray
@@ -316,11 +387,7 @@ class _Evaluation:
 
 def max_abs(values: FloatArray) -> float:
     """Return the largest absolute value, zero for an empty array."""
-    return float(np.abs(values).max()) if values.size else 0.0
-
-
-def _is_point(closure: Closure) -> bool:
-    return closure.kind == "3d"
+    return float(np.maximum.reduce(np.abs(values), None)) if values.size else 0.0
 
 
 def _frames_by_name(model: pin.Model) -> dict[str, int]:

@@ -23,14 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array
+from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.errors import ModelError
 
 _SYMMETRIC = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class JointCompliance:
+class JointCompliance(Readable):
     """How a joint, and a link before it, give way under the wrench that it transmits.
 
     A compliance matrix (6, 6) takes a wrench (force, moment) to a small displacement (shift, turn) of its
@@ -73,10 +73,6 @@ class JointCompliance:
         before : (6, 6) array, optional
             As of the class.
 
-        Returns
-        -------
-        JointCompliance
-
         Raises
         ------
         ModelError
@@ -91,7 +87,7 @@ class JointCompliance:
 def beam(
     length: float, area: float, bending: float, torsion: float, young: float, shear: float
 ) -> FloatArray:
-    """Return the compliance at the tip of a slender beam that is held at its other end.
+    """Return the compliance (6, 6) at the tip of a slender beam, held at its other end [m/N, rad/(N m), 1/N].
 
     The beam lies along x, its tip on the side of +x; shear deformation is left out (Bernoulli's beam).
 
@@ -105,11 +101,6 @@ def beam(
         Second moments of the cross-section about y and z, which are alike, and about x [m^4].
     young, shear : float
         Elastic moduli E and G [Pa].
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-        Of force and moment at the tip: [m/N], [rad/(N m)] and mixed [1/N].
     """
     stiff = young * bending
     C = np.zeros((6, 6))
@@ -123,17 +114,7 @@ def beam(
 
 
 def factor(compliance: FloatArray) -> FloatArray:
-    """Return S with Sᵀ S = C.
-
-    Parameters
-    ----------
-    compliance : ndarray, shape (6, 6)
-        C, positive semi-definite.
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-    """
+    """Return S with Sᵀ S = C; ndarray, shape (6, 6)."""
     scale = _scales(compliance)
     values, vectors = np.linalg.eigh(compliance / np.outer(scale, scale))
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * scale)

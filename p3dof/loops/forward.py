@@ -19,25 +19,17 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import DynamicsError
-from p3dof.loops.accuracy import ACCURACY, NO_CHANGE
 from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.loops.coordinates import ACCURACY, NO_CHANGE
 from p3dof.loops.linear import lapack
-from p3dof.loops.partitions import Memory, Split
+from p3dof.loops.partitions import Memory, Split, Terms
 from p3dof.loops.results import AcceleratedClosures, ForwardDynamics, read_only
-from p3dof.loops.terms import Terms
 
-_SOLUTIONS = 3
-"""Solutions of (2) at most; each further one refines the one before."""
+_SOLUTIONS = 3  # solutions of (2) at most; each further one refines the one before
 
 
 class Forward:
-    """Forward dynamics of one model.
-
-    Parameters
-    ----------
-    terms : Terms
-        The model.
-    """
+    """Forward dynamics of one model."""
 
     def __init__(self, terms: Terms) -> None:
         self._terms, self._kinematics, self._model = terms, terms.kinematics, terms.model
@@ -48,28 +40,7 @@ class Forward:
     def solve(
         self, point: ClosurePoint, v: FloatArray, force: FloatArray, stabilisation: float = 0.0
     ) -> ForwardDynamics:
-        """Return the acceleration under generalised forces.
-
-        Parameters
-        ----------
-        point : ClosurePoint
-            The closures at the configuration.
-        v : (nv,) array
-            Velocity.
-        force : (nv,) array
-            Generalised force of actuators and external wrenches.
-        stabilisation : float
-            β of Baumgarte's stabilisation [1/s].
-
-        Returns
-        -------
-        ForwardDynamics
-
-        Raises
-        ------
-        DynamicsError
-            If no acceleration satisfies closures and equation of motion to relative 1e-9.
-        """
+        """Return the acceleration under generalised forces."""
         if not point.J.size:
             a: FloatArray = np.array(pin.aba(self._model, self._data, point.q, v, force))
             return self._checked(point, v, a, force, np.zeros(0))

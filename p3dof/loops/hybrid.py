@@ -1,4 +1,4 @@
-"""Hybrid dynamics: forces for prescribed accelerations, while idle freedoms move as they must.
+"""Hybrid dynamics: forces for prescribed accelerations, while passive freedoms move freely.
 
 With S a = s the prescribed accelerations, N the null space of the closures' Jacobian J, and the equation of
 motion (1) of `p3dof.loops.inverse`, unknown are τ and a of
@@ -6,7 +6,7 @@ motion (1) of `p3dof.loops.inverse`, unknown are τ and a of
     Nᵀ B τ = Nᵀ (rnea(q, v, a) - Σ Jeᵀ w),    J a = -J̇ v,    S a = s        (1)
 
 Of the free motions, Z are those that S does not see and P the others. T = P - Z (Zᵀ M Z)⁻¹ Zᵀ M P are motions
-in which idle freedoms move as they would if they were pushed, so that Tᵀ M Z = 0 and
+in which passive freedoms move as they would if they were pushed, so that Tᵀ M Z = 0 and
 
     Tᵀ B τ = Tᵀ (rnea(q, v, a0) - Σ Jeᵀ w)        (2)
 
@@ -24,37 +24,148 @@ R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, sections 9.1 (hy
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray
-from p3dof._base.errors import DynamicsError, SingularityError
-from p3dof.loops.accuracy import ACCURACY, NO_CHANGE, WELL
-from p3dof.loops.closures import ClosurePoint, max_abs
-from p3dof.loops.hybrid_results import HybridDynamics, PrescribedMotion
+from p3dof._base.checks import FloatArray, as_floats, frozen_array, shown
+from p3dof._base.errors import DynamicsError, InputError, SingularityError
+from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.loops.coordinates import ACCURACY, NO_CHANGE, WELL
 from p3dof.loops.linear import RANK_TOLERANCE, UNIQUE, Decomposition, lapack
-from p3dof.loops.partitions import Memory, Split
-from p3dof.loops.prescriptions import KINDS, Prescription
-from p3dof.loops.results import read_only
-from p3dof.loops.terms import Terms
+from p3dof.loops.partitions import IndexArray, Memory, Split, Terms
+from p3dof.loops.results import HybridDynamics, PrescribedMotion, read_only
+from p3dof.loops.sidecar import suggestion
 
-_SOLUTIONS = 3
-"""Solutions of the linear equations at most; each further one refines the one before."""
-_MASSLESS = 1e-15
-"""Inertia of an idle motion, relative to the largest, that is none."""
+KINDS = 16
+"""How many kinds of prescription are remembered."""
+ByName: TypeAlias = Mapping[str, ArrayLike]  # joint or frame name → acceleration
+
+
+@dataclass(frozen=True, eq=False)
+class JointAccelerations:
+    """Prescribed accelerations of joints, at one sample or at many."""
+
+    v: IndexArray  # (n,): indices in v
+    values: FloatArray  # (..., n): the accelerations [m/s² or rad/s²]
+
+    @classmethod
+    def by_name(cls, model: pin.Model, joints: ByName) -> JointAccelerations:
+        """Return those of joints by name."""
+        parts = [joint_freedoms(model, name) for name in joints]
+        values = [joint_values(name, joints[name], len(k)) for name, k in zip(joints, parts, strict=True)]
+        at = np.array([k for part in parts for k in part], dtype=int)
+        return cls(at, np.concatenate([np.zeros(0), *values]))
+
+
+class Prescription:
+    """Prescribed accelerations of joints and frames of a model."""
+
+    def __init__(self, kinematics: LoopKinematics, joints: JointAccelerations, frames: ByName) -> None:
+        self._kinematics, self.joints, self.frames = kinematics, joints, frames
+        self.v = joints.v  # indices in v of the prescribed joints
+        self._frames = [kinematics.frame(name, "frames", InputError) for name in frames]
+        wanted = [frame_values(name, value) for name, value in frames.items()]
+        self._masks = [np.isfinite(value) for value in wanted]
+        chosen = [value[mask] for value, mask in zip(wanted, self._masks, strict=True)]
+        self.values = np.concatenate([joints.values, *chosen]) if chosen else joints.values
+        """All prescribed accelerations, (size,)."""
+
+    @classmethod
+    def of(
+        cls,
+        kinematics: LoopKinematics,
+        actuated_v: IndexArray,
+        joints: ArrayLike | ByName | None,
+        frames: ByName | None,
+    ) -> Prescription:
+        """Return what a user prescribes: of the actuated joints in their order or by name, and of frames."""
+        if isinstance(joints, Mapping) or joints is None:
+            known = JointAccelerations.by_name(kinematics.model, by_name("prescribed", joints or {}))
+        else:
+            known = JointAccelerations(actuated_v, frozen_array("prescribed", joints, (len(actuated_v),)))
+        return cls(kinematics, known, by_name("frames", frames or {}))
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What is prescribed, without the values."""
+        frames = (
+            (f.parentJoint, f.placement.translation.tobytes(), f.placement.rotation.tobytes())
+            for f in self._frames
+        )
+        return (self.v.tobytes(), *frames, *(mask.tobytes() for mask in self._masks))
+
+    def rows(self, q: FloatArray) -> FloatArray:
+        """Return S (size, nv) at a configuration."""
+        k = self._kinematics
+        k.at(q)
+        S = np.zeros((len(self.values), k.model.nv))
+        S[range(len(self.v)), self.v] = 1.0
+        start = len(self.v)
+        for frame, mask in zip(self._frames, self._masks, strict=True):
+            ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
+            J = pin.getFrameJacobian(k.model, k.data, *ends)[mask]
+            S[start : start + len(J)] = J
+            start += len(J)
+        return S
+
+    def drift(self) -> FloatArray:
+        """Return the accelerations (size,) at zero joint acceleration, after `LoopKinematics.move`."""
+        k, parts = self._kinematics, [np.zeros(len(self.v))]
+        if not self._frames:
+            return parts[0]
+        for frame, mask in zip(self._frames, self._masks, strict=True):
+            ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
+            parts.append(pin.getFrameClassicalAcceleration(k.model, k.data, *ends).vector[mask])
+        return np.concatenate(parts)
+
+
+def by_name(what: str, values: ByName) -> dict[str, FloatArray]:
+    """Return a mapping whose values are arrays of numbers."""
+    if not isinstance(values, Mapping):
+        raise InputError(f"{what}: expected a mapping of names to accelerations, got {type(values).__name__}")
+    return {name: as_floats(f"{what} {name}", value) for name, value in values.items()}
+
+
+def joint_freedoms(model: pin.Model, name: str) -> range:
+    """Return the indices in v of a joint."""
+    if not isinstance(name, str) or not model.existJointName(name) or not model.getJointId(name):
+        known = [str(joint) for joint in model.names[1:]]
+        raise InputError(
+            f"prescribed: the joint {shown(name)} does not exist; {suggestion(str(name), known)}"
+        )
+    joint = model.getJointId(name)
+    return range(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+
+
+def joint_values(name: str, value: ArrayLike, size: int) -> FloatArray:
+    """Return the accelerations (size,) of a joint; those of one freedom may be a plain number."""
+    array = as_floats(f"prescribed {name}", value)
+    if array.shape == () and size == 1:
+        return frozen_array(f"prescribed {name}", array, ()).reshape(1)
+    return frozen_array(f"prescribed {name}", array, (size,))
+
+
+def frame_values(name: str, value: ArrayLike) -> FloatArray:
+    """Return the accelerations (6,) of a frame, NaN where free."""
+    array = as_floats(f"frames {name}", value)
+    frozen_array(f"frames {name}", np.where(np.isnan(array), 0.0, array), (6,))
+    if np.isnan(array).all():
+        raise InputError(f"frames {name}: expected at least one prescribed component, all are NaN")
+    return array
+
+
+_SOLUTIONS = 3  # solutions of the linear equations at most; each further one refines the one before
+_MASSLESS = 1e-15  # inertia of an idle motion, relative to the largest, that is none
 
 
 class Hybrid:
-    """Hybrid dynamics of one model.
-
-    Parameters
-    ----------
-    terms : Terms
-        The model.
-    """
+    """Hybrid dynamics of one model."""
 
     def __init__(self, terms: Terms) -> None:
         self._terms, self._actuated = terms, terms.actuated_v
@@ -68,32 +179,7 @@ class Hybrid:
         external: FloatArray,
         stabilisation: float = 0.0,
     ) -> HybridDynamics:
-        """Return the forces that produce prescribed accelerations, and the motion with them.
-
-        Parameters
-        ----------
-        point : ClosurePoint
-            The closures at the configuration.
-        v : (nv,) array
-            Velocity.
-        given : Prescription
-            The prescribed accelerations.
-        external : (nv,) array
-            Generalised force of everything that is no actuator.
-        stabilisation : float
-            β of Baumgarte's stabilisation [1/s].
-
-        Returns
-        -------
-        HybridDynamics
-
-        Raises
-        ------
-        SingularityError
-            If the actuators cannot produce such accelerations at this configuration.
-        DynamicsError
-            If the accelerations depend on each other, leave forces open, or need one that no actuator gives.
-        """
+        """Return the forces that produce prescribed accelerations, and the motion with them."""
         k = self._terms.kinematics
         S = given.rows(point.q)
         k.move(point.q, v)
@@ -215,30 +301,14 @@ class Hybrid:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What is asked at one sample.
+    """What is asked at one sample."""
 
-    Parameters
-    ----------
-    point : ClosurePoint
-        The closures.
-    v : (nv,) array
-        Velocity.
-    S : (size, nv) array
-        The matrix from accelerations to the prescribed ones.
-    drift : (rows,) array
-        J̇ v.
-    wanted : (size,) array
-        S a.
-    external : (nv,) array
-        Generalised force of everything that is no actuator.
-    """
-
-    point: ClosurePoint
-    v: FloatArray
-    S: FloatArray
-    drift: FloatArray
-    wanted: FloatArray
-    external: FloatArray
+    point: ClosurePoint  # the closures
+    v: FloatArray  # (nv,): velocity
+    S: FloatArray  # (size, nv): the matrix from accelerations to the prescribed ones
+    drift: FloatArray  # (rows,): J̇ v
+    wanted: FloatArray  # (size,): S a
+    external: FloatArray  # (nv,): generalised force of everything that is no actuator
 
 
 def _motions(M: FloatArray, P: FloatArray, Z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -246,10 +316,10 @@ def _motions(M: FloatArray, P: FloatArray, Z: FloatArray) -> tuple[FloatArray, F
     try:
         root = np.linalg.cholesky(Z.T @ M @ Z)
     except np.linalg.LinAlgError as error:
-        raise DynamicsError("an idle freedom of the mechanism has no inertia") from error
+        raise DynamicsError("a passive degree of freedom has no inertia") from error
     pivots = np.diag(root)
     if pivots.size and pivots.min() ** 2 <= _MASSLESS * pivots.max() ** 2:
-        raise DynamicsError("an idle freedom of the mechanism has no inertia")
+        raise DynamicsError("a passive degree of freedom has no inertia")
     Z = np.linalg.solve(root, Z.T).T
     return P - Z @ (Z.T @ (M @ P)), Z
 

@@ -16,7 +16,7 @@ Where the joints without actuators follow from the others by a well-conditioned 
 
     Jdᵀ λ = fd,    τ = fa - Jaᵀ λ,    0 = fi - Jiᵀ λ        (3)
 
-with idle joints i, which have to move as they must. Near singularities, with spare actuators, and wherever
+with passive joints i, which have to move as they must. Near singularities, with spare actuators, and wherever
 the forces do not fit, (2) decides.
 
 References
@@ -32,25 +32,17 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import DynamicsError, SingularityError
-from p3dof.loops.accuracy import ACCURACY, SURELY
 from p3dof.loops.closures import ClosurePoint, max_abs
+from p3dof.loops.coordinates import ACCURACY, SURELY
 from p3dof.loops.linear import Decomposition
-from p3dof.loops.partitions import IndexArray, Memory, Partition
+from p3dof.loops.partitions import IndexArray, Memory, Partition, Terms
 from p3dof.loops.results import ActuatedForces, InverseDynamics, read_only
-from p3dof.loops.terms import Terms
 
-_NEAR_SINGULAR = 1e-6
-"""Conditioning below which a motion that no actuator can give is put down to the singularity."""
+_NEAR_SINGULAR = 1e-6  # conditioning below which a motion that no actuator can give is a singularity's
 
 
 class Inverse:
-    """Inverse dynamics of one model.
-
-    Parameters
-    ----------
-    terms : Terms
-        The model.
-    """
+    """Inverse dynamics of one model."""
 
     def __init__(self, terms: Terms) -> None:
         self._terms = terms
@@ -63,28 +55,7 @@ class Inverse:
     def solve(
         self, point: ClosurePoint, v: FloatArray, a: FloatArray, external: FloatArray
     ) -> InverseDynamics:
-        """Return the actuator forces of a motion.
-
-        Parameters
-        ----------
-        point : ClosurePoint
-            The closures at the configuration.
-        v, a : (nv,) array
-            Velocity and acceleration.
-        external : (nv,) array
-            Generalised force of the external wrenches.
-
-        Returns
-        -------
-        InverseDynamics
-
-        Raises
-        ------
-        SingularityError
-            If there are enough actuators but they cannot hold the mechanism.
-        DynamicsError
-            If the motion needs a force that no actuator gives.
-        """
+        """Return the actuator forces of a motion."""
         force = self._terms.tree_force(point.q, v, a) - external  # left side of (1)
         found = self._partitioned(point, force) if point.J.size else self._of_tree(point, force)
         return self._projected(point, v, a, force) if found is None else found
@@ -155,7 +126,9 @@ class Inverse:
                 f"{mobility} free motions (smallest singular value {conditioning:.1e})"
             )
         if not fits:  # also when something is not a number
-            way = "; hybrid_dynamics() lets idle freedoms move as they must" if count < mobility else ""
+            way = (
+                "; hybrid_dynamics() lets passive degrees of freedom move freely" if count < mobility else ""
+            )
             raise DynamicsError(
                 f"the motion needs a force that no actuator gives: {missing:.3g} N or N m is missing "
                 f"({count} actuators, {mobility} free motions){way}"

@@ -21,52 +21,25 @@ Jacobian mix metres and radians, so the fraction has no exact meaning: the room 
 harmless for machines of about the size of the unit of length; see `p3dof.loops.units`.
 """
 
-UNIQUE = 1e-7
-"""Share of an undetermined change from which on a force, or a motion, takes part in it."""
-_REGULAR = 1e-12
-"""Least reciprocal condition number of A Aᵀ for an A that is of full rank without doubt."""
+UNIQUE = 1e-7  # share of an undetermined change from which on a force, or a motion, takes part in it
+_REGULAR = 1e-12  # least reciprocal condition number of A Aᵀ for an A that is of full rank without doubt
+_NOTHING = 1e-15  # share of the largest row below which a row is nothing
 
 
 @dataclass(frozen=True, eq=False)
 class Decomposition:
-    """A matrix A (m, n) as U diag(s) Vᵀ, with its numerical rank.
+    """A matrix A (m, n) as U diag(s) Vᵀ, with its numerical rank."""
 
-    Parameters
-    ----------
-    U : (m, m) array
-        Left singular vectors; the columns from `rank` on span the null space of Aᵀ.
-    s : (min(m, n),) array
-        Singular values, largest first.
-    Vt : (n, n) array
-        Right singular vectors; the rows from `rank` on span the null space of A.
-    rank : int
-        The numerical rank.
-    """
-
-    U: FloatArray
-    s: FloatArray
-    Vt: FloatArray
-    rank: int
+    U: FloatArray  # (m, m): left singular vectors; the columns from `rank` on span the null space of Aᵀ
+    s: FloatArray  # (m, n): singular values, largest first
+    Vt: FloatArray  # (n, n): right singular vectors; the rows from `rank` on span the null space of A
+    rank: int  # the numerical rank
 
     @classmethod
     def of(
         cls, A: FloatArray, relative: float = RANK_TOLERANCE, largest: float | None = None
     ) -> Decomposition:
-        """Decompose a matrix.
-
-        Parameters
-        ----------
-        A : (m, n) array
-            The matrix; m or n may be zero.
-        relative : float
-            Singular values up to this fraction of `largest` count as zero.
-        largest : float, optional
-            What to compare with; by default the largest singular value.
-
-        Returns
-        -------
-        Decomposition
-        """
+        """Decompose a matrix."""
         U, s, Vt = np.linalg.svd(A)
         reference = largest if largest is not None else (s[0] if s.size else 0.0)
         return cls(U, s, Vt, int(np.count_nonzero(s > relative * reference)))
@@ -110,37 +83,27 @@ def actuation_of(closures: Decomposition, actuated_v: NDArray[np.int_]) -> Decom
       actuators than freedoms, how much of the least resisted motion they see. It is more than the rank
       tolerance where the former holds, or with spare actuators the latter, and nowhere else.
 
-    Parameters
-    ----------
-    closures : Decomposition
-        Of the closures' Jacobian.
-    actuated_v : (n_actuated,) array of int
-        Indices of the actuated joints in v.
-
-    Returns
-    -------
-    Decomposition
-        Of a matrix (mobility, n_actuated).
+    Of a matrix (mobility, n_actuated).
     """
     return Decomposition.of(closures.null_space[actuated_v].T, RANK_TOLERANCE, 1.0)
 
 
+def determined(
+    svd: Decomposition, actuation: Decomposition | None, actuated_v: NDArray[np.int_]
+) -> NDArray[np.bool_]:
+    """Tell which multipliers keep their value in every solution of the equation of motion."""
+    open_ = np.abs(svd.U[:, svd.rank :])
+    fixed = np.all(open_ <= UNIQUE, axis=1)
+    if actuation is not None and actuation.rank < len(actuated_v):
+        forces = np.zeros((svd.Vt.shape[1], len(actuated_v) - actuation.rank))
+        forces[actuated_v] = actuation.null_space
+        effect = np.abs(svd.solve_transpose(forces))
+        fixed = fixed & np.all(effect <= UNIQUE * effect.max(initial=0.0), axis=1)
+    return np.asarray(fixed)
+
+
 def least_norm(A: FloatArray, b: FloatArray, relative: float) -> FloatArray:
-    """Return the shortest x (n,) that minimises |A x - b|, in a quarter of the time of singular values.
-
-    Parameters
-    ----------
-    A : (m, n) array
-        The matrix, neither m nor n being zero.
-    b : (m,) array
-        The right side.
-    relative : float
-        The rank is that of the largest part of A whose condition number is below 1 / `relative`.
-
-    Returns
-    -------
-    (n,) array
-    """
+    """Return the shortest x (n,) that minimises |A x - b|, in a quarter of the time of singular values."""
     m, n = A.shape
     both = np.zeros((max(m, n), 1))
     both[:m, 0] = b
@@ -149,32 +112,35 @@ def least_norm(A: FloatArray, b: FloatArray, relative: float) -> FloatArray:
 
 
 def orientation(A: FloatArray, B: FloatArray, relative: float) -> float:
-    """Return the sign of det(Uᵀ B V), A being U diag(s) Vᵀ; U and V of as many columns as A's rank.
-
-    It is NaN of matrices that are not finite.
-
-    Parameters
-    ----------
-    A, B : (m, n) array
-        The matrices.
-    relative : float
-        Singular values of A up to this fraction of the largest count as zero.
-    """
+    """Return the sign of det(Uᵀ B V), A being U diag(s) Vᵀ of A's rank; NaN if not finite."""
     if A.shape[0] > A.shape[1]:
         A, B = A.T, B.T
     if A.size:
         square = A.dot(A.T)
         root, wrong = lapack().dpotrf(square)
         # Of full rank without doubt: det(B Aᵀ) = det(Uᵀ B V) det(s), U being square.
-        if not wrong and lapack().dpocon(root, np.abs(square).sum(axis=0).max())[0] > max(
-            _REGULAR, (10.0 * relative) ** 2
-        ):
-            return float(np.linalg.slogdet(B.dot(A.T))[0])
+        regular = max(_REGULAR, (10.0 * relative) ** 2)
+        if not wrong and lapack().dpocon(root, lapack().dlange("1", square))[0] > regular:
+            return _sign(B.dot(A.T))
+        sizes = square.diagonal()
+        some = np.flatnonzero(sizes > _NOTHING**2 * sizes.max())
+        if 0 < len(some) < len(A):  # as across the plane of a planar loop: U has nothing there
+            return orientation(A[some], B[some], relative)
     if not np.isfinite(A).all():
         return math.nan  # of a robot whose numbers are too large: SVD would not converge
     U, s, Vt = np.linalg.svd(A, full_matrices=False)
     rank = int(np.count_nonzero(s > relative * s[:1]))
     return float(np.linalg.slogdet(U[:, :rank].T @ B @ Vt[:rank].T)[0])
+
+
+def _sign(A: FloatArray) -> float:
+    """Return the sign of the determinant of a small matrix, zero if it is singular."""
+    lu, swaps, singular = lapack().dgetrf(A)
+    sign = 0.0 if singular else 1.0
+    for i, (pivot, swap) in enumerate(zip(lu.diagonal().tolist(), swaps.tolist(), strict=True)):
+        if (pivot < 0.0) != (i != swap):
+            sign = -sign
+    return sign
 
 
 @cache

@@ -20,21 +20,29 @@ singularities, Journal of Mechanical Design 117 (1995) 566-572.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable, positive
+from p3dof._base.errors import AssemblyError, DynamicsError, InputError
+from p3dof.loops.closed_tree import CLOSED
+from p3dof.loops.minimal import Setting, stacked
+from p3dof.loops.regressor import random_motions
+from p3dof.loops.units import size_of
 
-_MOVES = 0.1
-"""Share of the largest speed from which on a freedom counts as moving."""
-_RANK = 1e-7
-"""Singular values of a frame's motion up to this one count as zero."""
+_ELSEWHERE = 3  # random configurations at which ranks elsewhere are found
+
+_MOVES = 0.1  # share of the largest speed from which on a freedom counts as moving
+_RANK = 1e-7  # singular values of a frame's motion up to this one count as zero
 
 
 @dataclass(frozen=True, eq=False)
-class SingularityMargins:
+class SingularityMargins(Readable):
     """Distances from singularities, at one configuration or (leading axis N) at many.
 
     All are without dimension and zero at the singularity; what they are `p3dof.loops.margins` says.
@@ -86,19 +94,7 @@ class SingularityMargins:
 
 
 class Homogeneous:
-    """The Jacobian of the closures, free motions and frames of a configuration, without dimensions.
-
-    Parameters
-    ----------
-    J : (rows, nv) array
-        Jacobian of the closures.
-    rank : int
-        Its rank at the configuration.
-    units_v : (nv,) array
-        ℓ where an entry of v is a length, else 1.
-    units_rows : (rows,) array
-        The same of the closures' rows.
-    """
+    """The Jacobian of the closures, free motions and frames of a configuration, without dimensions."""
 
     def __init__(self, J: FloatArray, rank: int, units_v: FloatArray, units_rows: FloatArray) -> None:
         self.units = units_v
@@ -131,3 +127,105 @@ class Homogeneous:
         """Return in how many directions a frame (k, nv) moves here."""
         s = np.linalg.svd(frame * self.units @ self.N, compute_uv=False)
         return int(np.count_nonzero(s > _RANK))
+
+
+class Margins:
+    """The margins of one robot, and what is known of its ranks elsewhere."""
+
+    def __init__(self, setting: Setting) -> None:
+        self._setting = setting
+        self._output_ranks: dict[tuple[str, tuple[bool, ...]], int] = {}
+
+    def at(
+        self,
+        q: ArrayLike,
+        frame: str | None,
+        components: Sequence[bool] | NDArray[np.bool_],
+        length: float | None,
+    ) -> SingularityMargins:
+        """Return the margins at a configuration, see `ClosedLoopModel.singularity_margins`."""
+        setting = self._setting
+        if np.ndim(q) == 2:
+            each = [self.at(one, frame, components, length) for one in setting.samples(q, None)[0]]
+            return stacked(each, ("length", "freedoms"))
+        unit = self._length if length is None else positive("length", length, InputError)
+        mask = _checked(components)
+        with setting.open():
+            own = setting.robot.configuration("q", q) / setting.q
+            setting.core.at(own, CLOSED)
+            here = self._homogeneous(own, unit)
+            held, held_direction = here.actuation(setting.actuated_v)
+            rank = max(setting.core.generic_rank or 0, setting.core.rank(own))
+            loops, loops_direction = here.closures(rank)
+            moved, twist = np.nan, np.full(6, np.nan)
+            moved_direction: FloatArray = np.full(len(here.units), np.nan)
+            if frame is not None:
+                J = self._frame_rows(own, frame, mask, unit)
+                elsewhere = self._output_rank(frame, mask, unit)
+                moved, moved_direction, along = here.output(J, max(elsewhere, here.output_rank(J)))
+                twist = np.zeros(6)
+                twist[mask] = along
+        return SingularityMargins(
+            length=unit,
+            freedoms=setting.names,
+            actuation=np.array(held),
+            actuation_direction=held_direction,
+            closures=np.array(loops),
+            closures_direction=loops_direction,
+            output=np.array(moved),
+            output_direction=moved_direction,
+            output_twist=twist,
+        )
+
+    @cached_property
+    def _length(self) -> float:
+        """The default characteristic length [m]."""
+        return size_of(self._setting.robot.model, self._setting.robot.sidecar) or 1.0
+
+    @cached_property
+    def _elsewhere(self) -> list[FloatArray]:
+        """Some configurations with closed loops, in the model's own units."""
+        try:
+            draw = random_motions(self._setting.core, np.random.default_rng(0))
+            return [draw()[0].q for _ in range(_ELSEWHERE)]
+        except (AssemblyError, DynamicsError):
+            return []
+
+    def _output_rank(self, frame: str, mask: NDArray[np.bool_], unit: float) -> int:
+        """Return in how many directions a frame moves at other configurations."""
+        key = frame, tuple(mask.tolist())
+        if key not in self._output_ranks:
+            ranks = [
+                self._homogeneous(q, unit).output_rank(self._frame_rows(q, frame, mask, unit))
+                for q in self._elsewhere
+            ]
+            self._output_ranks[key] = max(ranks, default=0)
+        return self._output_ranks[key]
+
+    def _homogeneous(self, own: FloatArray, unit: float) -> Homogeneous:
+        """Return closures and free motions at a configuration in the model's own units."""
+        setting = self._setting
+        point, ratio = setting.kinematics.at(own), unit / setting.length
+        lengths = setting.kinematics.lengths, setting.scaled.units.rows
+        return Homogeneous(point.J, point.svd.rank, *(np.where(part, ratio, 1.0) for part in lengths))
+
+    def _frame_rows(self, own: FloatArray, frame: str, mask: NDArray[np.bool_], unit: float) -> FloatArray:
+        """Return the rows (k, nv) of a frame's Jacobian, lengths divided by the characteristic one."""
+        k = self._setting.kinematics
+        k.at(own)
+        place = k.frame(frame, "frame", InputError)
+        arguments = k.model, k.data, place.parentJoint, place.placement, pin.LOCAL_WORLD_ALIGNED
+        J = np.array(pin.getFrameJacobian(*arguments))
+        J[:3] /= unit / self._setting.length
+        return J[mask]
+
+
+def _checked(components: Sequence[bool] | NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which components count, as an array."""
+    try:
+        mask = np.array(components)
+    except ValueError:  # of parts of several lengths
+        mask = np.zeros(0)
+    if mask.shape != (6,) or mask.dtype != np.bool_ or not mask.any():
+        raise InputError("components: expected six bools, at least one of them true")
+    return mask

@@ -18,39 +18,28 @@ from math import sqrt
 from typing import TypeAlias
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof.loops.accuracy import WELL
-from p3dof.loops.closures import ClosurePoint
+from p3dof._base.threads import Workspace
+from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
+from p3dof.loops.coordinates import WELL
 from p3dof.loops.linear import lapack
 
 IndexArray: TypeAlias = NDArray[np.int_]
 
-_NEARLY_TIGHT = 1e-7
-"""Largest gap at which rows that follow from others are known to [m or rad]."""
+_NEARLY_TIGHT = 1e-7  # largest gap at which rows that follow from others are known to [m or rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Partition:
-    """A choice of independent rows and dependent joints.
+    """A choice of independent rows and dependent joints."""
 
-    Parameters
-    ----------
-    rows : (rank,) array of int
-        The rows.
-    left : (n - rank,) array of int
-        All others, which follow from these.
-    dependent : (rank,) array of int
-        Indices in v of the joints that follow.
-    free : (nv - rank,) array of int
-        All others.
-    """
-
-    rows: IndexArray
-    left: IndexArray
-    dependent: IndexArray
-    free: IndexArray
+    rows: IndexArray  # (rank,): the rows
+    left: IndexArray  # (n - rank,): all others, which follow from these
+    dependent: IndexArray  # (rank,): indices in v of the joints that follow
+    free: IndexArray  # (nv - rank,): all others
 
     @cached_property
     def units(self) -> FloatArray:
@@ -61,17 +50,7 @@ class Partition:
 
     @classmethod
     def choose(cls, J: FloatArray, rank: int, columns: IndexArray) -> Partition | None:
-        """Return the rows and joints that are farthest from dependent; None if there are too few.
-
-        Parameters
-        ----------
-        J : (n, nv) array
-            The matrix.
-        rank : int
-            Its rank.
-        columns : array of int
-            The joints that may follow.
-        """
+        """Return the rows and joints that are farthest from dependent; None if there are too few."""
         if not 0 < rank <= len(columns):
             return None
         rows = np.sort(_pivots(J[:, columns].T)[:rank])
@@ -82,15 +61,7 @@ class Partition:
 
 
 class Split:
-    """A matrix J split by a partition, decomposed.
-
-    Parameters
-    ----------
-    partition : Partition
-        The partition.
-    J : (n, nv) array
-        The matrix.
-    """
+    """A matrix J split by a partition, decomposed."""
 
     def __init__(self, partition: Partition, J: FloatArray) -> None:
         self.partition = partition
@@ -133,23 +104,14 @@ class Split:
 
 
 class Memory:
-    """Remembers the partition that was good last.
-
-    Parameters
-    ----------
-    columns : array of int
-        The joints that may follow from others.
-    """
+    """Remembers the partition that was good last."""
 
     def __init__(self, columns: IndexArray) -> None:
         self._columns = columns
         self._partition: Partition | None = None
 
     def at(self, point: ClosurePoint) -> Split | None:
-        """Return the closures split by the partition that is remembered, or else by a new one.
-
-        None where no partition is good enough, or too little is known about the rank.
-        """
+        """Return closures split by the partition remembered, or a new one; None if none is good or known."""
         known = self._partition
         if known is not None:
             if not _told(known, point):
@@ -172,3 +134,59 @@ def _told(partition: Partition, point: ClosurePoint) -> bool:
 def _pivots(A: FloatArray) -> IndexArray:
     """Return the columns of a matrix (m, n), those first that are farthest from dependent on ones before."""
     return np.asarray(lapack().dgeqp3(A)[1]) - 1
+
+
+class Terms(Workspace):
+    """Terms of the equation of motion of one model."""
+
+    def __init__(self, kinematics: LoopKinematics, actuated_v: np.ndarray) -> None:
+        self.kinematics = kinematics
+        self.model = kinematics.model
+        self.actuated_v = actuated_v
+        self._data = self.model.createData()
+        nv = self.model.nv
+        self._upper = np.triu(np.ones((nv, nv), dtype=bool))
+        self._halved = np.triu(np.ones((nv, nv))) - np.eye(nv) / 2
+
+    def tree_force(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return M a + h (nv,), what the motion of the tree takes [N or N m]."""
+        return np.array(pin.rnea(self.model, self._data, q, v, a))
+
+    def mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return M (nv, nv), that of the tree, at a configuration (nq,)."""
+        M = np.array(pin.crba(self.model, self._data, q))
+        return np.where(self._upper, M, M.T)
+
+    def half_mass_matrix(self, q: FloatArray) -> FloatArray:
+        """Return the upper triangle of M with half the diagonal: M is this and its transpose."""
+        return np.asarray(pin.crba(self.model, self._data, q) * self._halved)
+
+    def external(self, wrenches: list[tuple[pin.Frame, FloatArray]]) -> FloatArray:
+        """Return the generalised force (nv,) of wrenches at frames, at the last configuration evaluated."""
+        k = self.kinematics
+        force = np.zeros(self.model.nv)
+        for frame, wrench in wrenches:
+            ends = (frame.parentJoint, frame.placement, pin.LOCAL_WORLD_ALIGNED)
+            force += pin.getFrameJacobian(k.model, k.data, *ends).T @ wrench
+        return force
+
+    def residual(
+        self,
+        point: ClosurePoint,
+        v: FloatArray,
+        a: FloatArray,
+        external: FloatArray,
+        tau: FloatArray,
+        lambda_: FloatArray,
+    ) -> float:
+        """Return the largest error of the full equation of motion under given forces [N or N m]."""
+        left = self.tree_force(point.q, v, a) - external - point.J.T @ lambda_
+        left[self.actuated_v] -= tau
+        return max_abs(left)
+
+    def scale(self, q: FloatArray, v: FloatArray, a: FloatArray, force: FloatArray) -> float:
+        """Return the size of the forces that cancel in the equation of motion [N or N m]."""
+        h = np.array(pin.nle(self.model, self._data, q, v))
+        inertial = pin.rnea(self.model, self._data, q, v, a) - h
+        gravity = pin.computeGeneralizedGravity(self.model, self._data, q)
+        return max(max_abs(h), max_abs(inertial), max_abs(force), max_abs(gravity))

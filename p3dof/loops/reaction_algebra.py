@@ -2,98 +2,140 @@
 
 Wrenches are force, then moment. Those of closures act at the origin and in the axes of their `frame1`,
 those of the tree's joints in the joints' own.
+
+Which of all possible reactions is taken: the least squares (2) of `reactions`, or the least energy.
+
+Reactions are stacked, 6 a joint; a change of them that rigid bodies leave open is a column.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
+from p3dof._base.errors import ModelError
 from p3dof.loops.batch.linear import apply, blocks, largest
 from p3dof.loops.closure_joints import ClosureJoint
+from p3dof.loops.compliance import JointCompliance, factor
+from p3dof.loops.coordinates import skew
 from p3dof.loops.linear import RANK_TOLERANCE
-from p3dof.loops.open_loads import Measure, Weighting, fit_of, steps_to_least, weighting
-from p3dof.loops.rotations import skew
+
+Weighting: TypeAlias = Callable[[FloatArray], FloatArray]
+"""Takes wrenches (N, 6 m, k) to rows whose squares are to be small."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """What is smallest where rigid bodies leave a choice: (2), or the complementary energy."""
+
+    length: float  # what compares moments with forces in (2) [m]
+    compliances: tuple[JointCompliance, ...] | None = None
+    """Of all joints and closures: then their energy is smallest."""
+    misfit: FloatArray | None = None
+    """(n + c, 6): by how much each joint may be out of place when it is assembled [m, rad]."""
+
+    @property
+    def links(self) -> tuple[int, ...]:
+        """Which joints have a link before them that gives way."""
+        each = self.compliances or ()
+        return tuple(i for i, one in enumerate(each) if one.before is not None)
+
+
+def weighting(measure: Measure, turns: Mapping[int, FloatArray]) -> Weighting:
+    """Return the weighting of a measure."""
+    if measure.compliances is None:
+        row = np.array([1.0] * 3 + [1.0 / measure.length] * 3)
+        return lambda X: np.tile(row, X.shape[1] // 6)[:, None] * X
+    own = np.array([factor(one.own) for one in measure.compliances])
+    turned = {i: factor(_before(measure.compliances[i])) @ turn for i, turn in turns.items()}
+
+    def rows(X: FloatArray) -> FloatArray:
+        each = X.reshape(len(X), -1, 6, X.shape[-1])
+        parts = [(own @ each).reshape(X.shape), *(S @ each[:, i] for i, S in turned.items())]
+        return np.concatenate(parts, axis=1)
+
+    return rows
+
+
+def _before(one: JointCompliance) -> FloatArray:
+    return np.zeros((6, 6)) if one.before is None else one.before
+
+
+def steps_to_least(all_: FloatArray, change: FloatArray, coupled: bool) -> FloatArray:
+    """Return how much of each open change (N, m, k) to take away, (N, k), for the least squares."""
+    if change.shape[-1] == 0:
+        return np.zeros((len(change), 0))
+    if coupled:  # changes of couplings alone move nothing here, and stay out
+        inverse = np.linalg.pinv(change, rcond=RANK_TOLERANCE)
+        return apply(np.asarray(inverse, dtype=np.float64), all_)
+    Q, R = _factored(change)
+    return np.asarray(np.linalg.solve(R, np.swapaxes(Q, -1, -2) @ all_[..., None])[..., 0])
+
+
+def _factored(change: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Q and R of weighted changes, which must all count."""
+    Q, R = np.linalg.qr(change)
+    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    if (diagonal <= RANK_TOLERANCE * diagonal.max(axis=-1, keepdims=True)).any():
+        raise ModelError(
+            "compliances: they leave loads open: in some way that loads can change, nothing gives way"
+        )
+    return Q, R
+
+
+def fit_of(misfit: FloatArray, change: FloatArray, weighted: FloatArray) -> FloatArray:
+    """Return what misfits within their tolerances add at worst, and at random, (2, N, m, 6)."""
+    if change.shape[-1] == 0:
+        return np.zeros((2, len(change), *misfit.shape))
+    _, R = _factored(weighted)
+    B = np.swapaxes(np.linalg.solve(np.swapaxes(R, -1, -2), np.swapaxes(change, -1, -2)), -1, -2)
+    H = np.abs(B @ np.swapaxes(B, -1, -2))
+    tolerance = misfit.ravel()
+    both = np.stack([H @ tolerance, np.sqrt(H**2 @ tolerance**2)])
+    return both.reshape(2, len(change), *misfit.shape)
+
 
 IndexArray = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """What is the same in all samples, for a robot with n joints, nv freedoms and c closures.
+    """What is the same in all samples, for a robot with n joints, nv freedoms and c closures."""
 
-    Parameters
-    ----------
-    joints : tuple of ClosureJoint
-        How each closure is built.
-    ends : sequence of (int, pin.SE3, int, pin.SE3)
-        Joint and placement in its body of `frame1` of each closure, then of `frame2`.
-    signs : (c, n + 1) array
-        What part of a closure's wrench each joint bears: 1 or -1 on either branch, 0 elsewhere.
-    freedoms : (nv,) array of int
-        The joint of each freedom.
-    along : (k,) array of bool
-        Which couplings act along lengths.
-    size : float
-        What compares moments with forces in (1) [m].
-    parents : (n + 1,) array of int
-        The parent of each joint.
-    measure : Measure
-        What is smallest in (2).
-    """
-
-    joints: tuple[ClosureJoint, ...]
+    joints: tuple[ClosureJoint, ...]  # how each closure is built
     ends: Sequence[tuple[int, pin.SE3, int, pin.SE3]]
+    """Joint and placement in its body of `frame1` of each closure, then of `frame2`."""
     signs: FloatArray
-    freedoms: IndexArray
-    along: NDArray[np.bool_]
-    size: float
-    parents: IndexArray
-    measure: Measure
+    """(c, n + 1): what part of a closure's wrench each joint bears: 1 or -1 on either branch, 0 elsewhere."""
+    freedoms: IndexArray  # (nv,): the joint of each freedom
+    along: NDArray[np.bool_]  # (k,): which couplings act along lengths
+    size: float  # what compares moments with forces in (1) [m]
+    parents: IndexArray  # (n + 1,): the parent of each joint
+    measure: Measure  # what is smallest in (2)
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """States of motion and what they need, over N samples.
+    """States of motion and what they need, over N samples."""
 
-    Parameters
-    ----------
-    missing : (N, nv) array
-        The right-hand side of (1).
-    tree : (N, n, 6) array
-        Wrenches that the joints of the tree would transmit without the closures.
-    J : (N, 6, nv) array
-        Unit motion of each freedom as a twist at the world's origin.
-    R, p : (N, n + 1, 3, 3) and (N, n + 1, 3) array
-        Axes and origins of the joints in the world; joint 0 is the world.
-    coupled : (N, k, nv) array
-        Rows of the couplings in the closures' Jacobian.
-    rank : (N,) array of int
-        Rank of the closures' Jacobian.
-    tolerance : (N,) array
-        Singular values below this share of the largest are zero.
-    scale : (N,) array
-        Largest of the given forces and of the centrifugal terms of bodies.
-    own : (N, c, 6) array
-        What the joints of closures exert themselves on their `frame2`, such as friction, at its origin in
-        world axes; it is part of the loads already, and counted in the reactions.
-    """
-
-    missing: FloatArray
-    tree: FloatArray
-    J: FloatArray
-    R: FloatArray
+    missing: FloatArray  # (N, nv): the right-hand side of (1)
+    tree: FloatArray  # (N, n, 6): wrenches that the joints of the tree would transmit without the closures
+    J: FloatArray  # (N, 6, nv): unit motion of each freedom as a twist at the world's origin
+    R: FloatArray  # (N, n + 1, 3, 3): axes and origins of the joints in the world; joint 0 is the world
     p: FloatArray
-    coupled: FloatArray
-    rank: IndexArray
-    tolerance: FloatArray
-    scale: FloatArray
+    coupled: FloatArray  # (N, k, nv): rows of the couplings in the closures' Jacobian
+    rank: IndexArray  # (N,): rank of the closures' Jacobian
+    tolerance: FloatArray  # (N,): singular values below this share of the largest are zero
+    scale: FloatArray  # (N,): largest of the given forces and of the centrifugal terms of bodies
     own: FloatArray
+    """(N, c, 6): what the joints of closures exert themselves on their `frame2`, such as friction, at its
+    origin in world axes; it is part of the loads already, and counted in the reactions."""
 
     def __len__(self) -> int:
         return len(self.missing)
@@ -105,49 +147,22 @@ class Loads:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Wrenches of all joints and closures over N samples.
+    """Wrenches of all joints and closures over N samples."""
 
-    Parameters
-    ----------
-    wrenches : (N, n + c, 6) array
-        The reactions.
-    moves : (N, n + c, 2, 3) array
-        How much each component takes part in the open changes, which are orthonormal.
-    rotations, positions : (N, n + c, 3, 3) and (N, n + c, 3) array
-        Where they act.
-    rank, undetermined : (N,) array of int
-        Rank of (1), and how many changes it leaves open.
-    residual, scale : (N,) array
-        Error of (1), and the largest force in it.
-    fit : (2, N, n + c, 6) array
-        What misfits add, at worst and at random; zero without any.
-    """
-
-    wrenches: FloatArray
+    wrenches: FloatArray  # (N, n + c, 6): the reactions
     moves: FloatArray
-    rotations: FloatArray
+    """(N, n + c, 2, 3): how much each component takes part in the open changes, which are orthonormal."""
+    rotations: FloatArray  # (N, n + c, 3, 3): where they act
     positions: FloatArray
-    rank: IndexArray
+    rank: IndexArray  # (N,): rank of (1), and how many changes it leaves open
     undetermined: IndexArray
-    residual: FloatArray
+    residual: FloatArray  # (N,): error of (1), and the largest force in it
     scale: FloatArray
-    fit: FloatArray
+    fit: FloatArray  # (2, N, n + c, 6): what misfits add, at worst and at random; zero without any
 
 
 def solve(structure: Structure, loads: Loads) -> Solved:
-    """Return the reactions; samples whose equations have the same ranks are solved together.
-
-    Parameters
-    ----------
-    structure : Structure
-        Of the robot.
-    loads : Loads
-        The samples.
-
-    Returns
-    -------
-    Solved
-    """
+    """Return the reactions; samples whose equations have the same ranks are solved together."""
     count, bodies, closures = len(loads), loads.tree.shape[1], len(structure.ends)
     result = Solved(
         wrenches=np.empty((count, bodies + closures, 6)),
@@ -231,13 +246,7 @@ class _Places:
         return ranks
 
     def transmitted(self) -> tuple[FloatArray, FloatArray]:
-        """Return bases E of what closures and couplings transmit, and which columns are forces.
-
-        Returns
-        -------
-        E : (N, 6 c + k, m) array
-        is_force : (m,) array
-        """
+        """Return bases E of what closures and couplings transmit, and which columns are forces."""
         count, closures = len(self.loads), len(self.structure.ends)
         columns: list[FloatArray] = [np.zeros((count, 6 * closures, 0))]
         forces: list[FloatArray] = [np.zeros(0)]
@@ -271,10 +280,7 @@ class _Places:
         return np.concatenate(parts, axis=-1)
 
     def to_joints(self) -> FloatArray:
-        """Return what wrenches of closures, unit by unit, add to each joint of the tree, (N, 6 n, 6 c + k).
-
-        A coupling adds nothing: it acts along freedoms, where the motion tells the total.
-        """
+        """Return what unit wrenches of closures add to each joint (N, 6 n, 6 c + k); couplings nothing."""
         bodies, closures = self.loads.tree.shape[1], len(self.structure.ends)
         T = np.zeros((len(self.loads), 6 * bodies, 6 * closures + len(self.structure.along)))
         for c, i in np.argwhere(self.structure.signs[:, 1:]):

@@ -28,34 +28,97 @@ M. Wojtyra, Joint reactions in rigid body mechanisms with dependent constraints,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, frozen_array, positive, shown
+from p3dof._base.checks import FloatArray, Readable, as_floats, frozen_array, positive, shown
 from p3dof._base.errors import DynamicsError, InputError, ModelError
 from p3dof._base.threads import Own
-from p3dof.loops.accuracy import ACCURACY
 from p3dof.loops.batch.kinematics import placed, shared_placements
-from p3dof.loops.closed_tree import CLOSED, CONSISTENT
+from p3dof.loops.batch.linear import blocks
+from p3dof.loops.closed_tree import CLOSED, CONSISTENT, External
 from p3dof.loops.closure_joints import ClosureJoint, joints_of
 from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.loops.compliance import JointCompliance
+from p3dof.loops.coordinates import ACCURACY
 from p3dof.loops.linear import UNIQUE
-from p3dof.loops.loop_model import External
 from p3dof.loops.model import ClosedLoopModel
-from p3dof.loops.open_loads import Measure
-from p3dof.loops.reaction_algebra import Loads, Solved, Structure, solve
-from p3dof.loops.reaction_results import BoolArray, JointReactions, State
+from p3dof.loops.reaction_algebra import IndexArray, Loads, Measure, Solved, Structure, solve
+
+BoolArray: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class JointReactions(Readable):
+    """The wrench that every joint and closure transmits at one state of motion.
+
+    Tree joints come first, in Pinocchio's order, then the closures in the sidecar's. A reaction is what the
+    predecessor exerts on the successor: at a joint of the tree the parent's side on the child's, at the
+    joint's origin and in the joint's axes, those of the child's link; at a closure the body of `frame1` on
+    the body of `frame2`, at the origin and in the axes of `frame1` (as the multipliers of `InverseDynamics`).
+    It is the total: along the freedoms of a joint lie the forces of its actuator, of couplings and of
+    `joint_forces`, less what its rotor (`model.armature`) takes.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the joints, then of the closures (``frame1/frame2``).
+    forces, moments : (n, 3) array
+        The reactions [N, N m]; of undetermined ones those that make (2) smallest.
+    determined_forces, determined_moments : (n, 3) array of bool
+        Which components every solution has in common.
+    rotations : (n, 3, 3) array
+        The axes of each reaction, as columns, in the world frame.
+    positions : (n, 3) array
+        Where each reaction acts, in the world frame [m].
+    undetermined : int
+        How many independent changes of the closures' wrenches leave the motion as it is.
+    residual : float
+        Largest error of (1) [N or N m].
+    fit : (2, n, 2, 3) array
+        What assembly errors may add to forces and moments, at worst and at random [N, N m]; zero unless
+        the solver knows any.
+    """
+
+    names: tuple[str, ...]
+    forces: FloatArray
+    moments: FloatArray
+    determined_forces: BoolArray
+    determined_moments: BoolArray
+    rotations: FloatArray
+    positions: FloatArray
+    undetermined: int
+    residual: float
+    fit: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ReactionState:
+    """What the algebra needs of one state of motion; see `p3dof.loops.reaction_algebra.Loads`."""
+
+    missing: FloatArray
+    tree: FloatArray
+    J: FloatArray
+    placements: FloatArray
+    coupled: FloatArray
+    rank: int
+    tolerance: float
+    scale: float
+    own: FloatArray
+
+    def __iter__(self) -> Iterator[FloatArray | float]:
+        return (getattr(self, name) for name in self.__dataclass_fields__)
+
 
 __all__ = ["BoolArray", "ClosureJoint", "JointReactions", "ReactionSolver", "loop_reactions"]
 
-_NOTHING = np.zeros(6)
-"""The wrench of a closure whose joint exerts none itself."""
-LENGTH_SHARE = 1 / 20
-"""The length of (2) as a share of the longest link, unless it is given."""
+_NOTHING = np.zeros(6)  # the wrench of a closure whose joint exerts none itself
+LENGTH_SHARE = 1 / 20  # the length of (2) as a share of the longest link, unless it is given
 
 
 def _centrifugal(data: pin.Data) -> FloatArray:
@@ -80,26 +143,7 @@ def loop_reactions(
     joints: Sequence[ClosureJoint] | None = None,
     length: float | None = None,
 ) -> JointReactions:
-    """Return the reactions of all joints and closures at one state; see `ReactionSolver` for many.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot.
-    q, v, a, tau, external, joint_forces
-        As for `ReactionSolver.solve`.
-    joints, length
-        As for `ReactionSolver`.
-
-    Returns
-    -------
-    JointReactions
-
-    Raises
-    ------
-    InputError, ModelError, DynamicsError
-        As `ReactionSolver` and its `solve`.
-    """
+    """Return the reactions of all joints and closures at one state; see `ReactionSolver` for many."""
     return ReactionSolver(loop, joints, length).solve(q, v, a, tau, external, joint_forces)
 
 
@@ -182,10 +226,6 @@ class ReactionSolver:
         joint_forces : (nv,) array, optional
             Generalised forces that act in the joints besides the actuators', such as springs and friction.
 
-        Returns
-        -------
-        JointReactions
-
         Raises
         ------
         DynamicsError
@@ -224,7 +264,7 @@ class ReactionSolver:
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
         within: Mapping[str, FloatArray] | None = None,
-    ) -> State:
+    ) -> ReactionState:
         """Return what the algebra needs of one state of motion; arguments and errors are those of `solve`.
 
         `within` has those of `external`, by frame, that the joint of the closure with this `frame2` exerts
@@ -245,7 +285,7 @@ class ReactionSolver:
         missing = np.array(pin.rnea(model, data, point.q, v, a, loads)) - given
         tree = np.array([f.vector for f in data.f[1:]]).reshape(-1, 6)
         parts.append(_centrifugal(data))
-        return State(
+        return ReactionState(
             missing,
             tree,
             np.array(self._kinematics.data.J).reshape(6, model.nv),  # Pinocchio flattens one column
@@ -259,7 +299,7 @@ class ReactionSolver:
             ),
         )
 
-    def solve_all(self, states: Sequence[State]) -> Solved:
+    def solve_all(self, states: Sequence[ReactionState]) -> Solved:
         """Return the reactions of many states; `error_of` tells which of them are none.
 
         Raises
@@ -359,3 +399,175 @@ class ReactionSolver:
         arms = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j]]
         arms += [frame.placement.translation for frame in frames if frame.parentJoint]
         return max((float(np.linalg.norm(arm)) for arm in arms), default=0.0) or 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class BatchReactions(Readable):
+    """The wrench that every joint and closure transmits at N samples; see `JointReactions`.
+
+    Rows of samples without a solution are NaN, False or 0.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the joints, then of the closures.
+    forces, moments : (N, n, 3) array
+        The reactions [N, N m].
+    determined_forces, determined_moments : (N, n, 3) array of bool
+        Which components every solution has in common.
+    rotations : (N, n, 3, 3) array
+        The axes of each reaction, as columns, in the world frame.
+    positions : (N, n, 3) array
+        Where each reaction acts, in the world frame [m].
+    undetermined : (N,) array of int
+        How many independent changes of the closures' wrenches leave the motion as it is.
+    fit : (N, 2, n, 2, 3) array
+        What assembly errors may add to forces and moments, at worst and at random [N, N m]; zero unless
+        the solver knows any.
+    errors : dict of int to DynamicsError
+        Why there is no solution, by sample; not for samples that are not finite.
+    """
+
+    names: tuple[str, ...]
+    forces: FloatArray
+    moments: FloatArray
+    determined_forces: BoolArray
+    determined_moments: BoolArray
+    rotations: FloatArray
+    positions: FloatArray
+    undetermined: NDArray[np.int_]
+    fit: FloatArray
+    errors: dict[int, DynamicsError]
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by name."""
+        return {name: getattr(self, name) for name in _ARRAYS}
+
+    def put(self, solver: ReactionSolver, rows: IndexArray, found: Solved) -> None:
+        """Enter the reactions of some samples, or why they have none."""
+        wrong = {i: solver.error_of(found, i) for i in range(len(rows))}
+        self.errors.update({int(rows[i]): error for i, error in wrong.items() if error is not None})
+        good = np.array([i for i, error in wrong.items() if error is None], dtype=int)
+        at, wrenches, determined = rows[good], found.wrenches[good], solver.determined(found)[good]
+        self.forces[at], self.moments[at] = wrenches[..., :3], wrenches[..., 3:]
+        self.determined_forces[at], self.determined_moments[at] = determined[:, :, 0], determined[:, :, 1]
+        self.rotations[at], self.positions[at] = found.rotations[good], found.positions[good]
+        self.undetermined[at] = found.undetermined[good]
+        self.fit[at] = np.moveaxis(found.fit[:, good], 0, 1).reshape(self.fit[at].shape)
+
+
+_ARRAYS = (
+    "forces",
+    "moments",
+    "determined_forces",
+    "determined_moments",
+    "rotations",
+    "positions",
+    "undetermined",
+    "fit",
+)
+
+
+def reactions_batch(
+    solver: ReactionSolver,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    external: Mapping[str, ArrayLike] | None = None,
+    joint_forces: ArrayLike | None = None,
+    within: Mapping[str, ArrayLike] | None = None,
+) -> BatchReactions:
+    """Return the reactions at many samples.
+
+    Parameters
+    ----------
+    solver : ReactionSolver
+        Of the robot.
+    q : (N, nq) array
+        Configurations, with closed loops. Samples that are not finite in `q` or `tau` are left out.
+    v, a : (N, nv) array
+        Velocities and accelerations.
+    tau : (N, n_actuated) array
+        Forces of the actuated joints that produce the motion [N or N m].
+    external : mapping of str to (6,) or (N, 6) array, optional
+        Wrenches that act on frames, in world axes [N, N m].
+    joint_forces : (nv,) or (N, nv) array, optional
+        What acts in the joints besides the actuators.
+    within : mapping of str to (6,) or (N, 6) array, optional
+        Those of `external` on a closure's `frame2` that its joint exerts itself, such as friction: they are
+        counted in its reaction, and in the energy of elastic joints.
+
+    Raises
+    ------
+    ModelError, InputError
+        As `ReactionSolver.solve`, or if the shapes do not fit.
+    """
+    return reactions_by_each([solver], q, v, a, tau, external, joint_forces, within)[0]
+
+
+def reactions_by_each(
+    solvers: Sequence[ReactionSolver],
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    tau: ArrayLike,
+    external: Mapping[str, ArrayLike] | None = None,
+    joint_forces: ArrayLike | None = None,
+    within: Mapping[str, ArrayLike] | None = None,
+) -> list[BatchReactions]:
+    """Return what `reactions_batch` returns, by solvers of one robot that build its closures differently."""
+    solver = solvers[0]
+    model, rows = solver.loop.model, as_floats("q", q)
+    if rows.ndim != 2 or rows.shape[1] != model.nq:
+        raise InputError(f"q: expected shape (N, {model.nq}), got {rows.shape}")
+    count = len(rows)
+    forces = _each("tau", tau, count, len(solver.loop.actuated))
+    motion = [_each(name, value, count, model.nv) for name, value in (("v", v), ("a", a))]
+    loads = {name: _each(f"external {name}", load, count, 6) for name, load in (external or {}).items()}
+    own = {name: _each(f"within {name}", load, count, 6) for name, load in (within or {}).items()}
+    nothing = np.zeros(model.nv)
+    acting = _each("joint_forces", nothing if joint_forces is None else joint_forces, count, model.nv)
+    results = [_nothing(one.names, count) for one in solvers]
+    known = np.isfinite(forces).all(axis=1) & np.isfinite(rows).all(axis=1)
+    rows_known = np.flatnonzero(known)
+    for block in (rows_known[some] for some in blocks(len(rows_known))):
+        states = [
+            solver.state(
+                rows[i],
+                motion[0][i],
+                motion[1][i],
+                forces[i],
+                {name: load[i] for name, load in loads.items()},
+                acting[i],
+                {name: load[i] for name, load in own.items()},
+            )
+            for i in block.tolist()
+        ]
+        for one, result in zip(solvers, results, strict=True):
+            result.put(one, block, one.solve_all(states))
+    return results
+
+
+def _nothing(names: tuple[str, ...], count: int) -> BatchReactions:
+    shape = (count, len(names), 3)
+    return BatchReactions(
+        names,
+        forces=np.full(shape, np.nan),
+        moments=np.full(shape, np.nan),
+        determined_forces=np.zeros(shape, dtype=bool),
+        determined_moments=np.zeros(shape, dtype=bool),
+        rotations=np.full((*shape, 3), np.nan),
+        positions=np.full(shape, np.nan),
+        undetermined=np.zeros(count, dtype=int),
+        fit=np.full((count, 2, len(names), 2, 3), np.nan),
+        errors={},
+    )
+
+
+def _each(name: str, value: ArrayLike, count: int, width: int) -> FloatArray:
+    """Return (count, width) rows of a value that may be the same for all; they may hold NaN."""
+    array = as_floats(name, value)
+    if array.shape not in ((width,), (count, width)):
+        raise InputError(f"{name}: expected shape ({count}, {width}), got {array.shape}")
+    return np.broadcast_to(array, (count, width))

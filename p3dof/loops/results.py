@@ -1,4 +1,4 @@
-"""What the dynamics of one sample returns: forces or motion at once, evidence when it is asked for."""
+"""What is found of one sample's dynamics; evidence when it is asked for."""
 
 from __future__ import annotations
 
@@ -10,23 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof.loops.closures import ClosurePoint, max_abs
-from p3dof.loops.linear import UNIQUE, Decomposition, actuation_of
+from p3dof.loops.linear import Decomposition, actuation_of, determined
 
 
 class ClosureForces:
-    """What the closures have to bear in a motion.
-
-    Parameters
-    ----------
-    point : ClosurePoint
-        The closures.
-    force : (nv,) array
-        What they have to give: Jᵀ λ.
-    lambda_ : (rows,) array, optional
-        The multipliers, where they are known; found from the singular value decomposition of J otherwise.
-    """
+    """What the closures have to bear in a motion."""
 
     _rows: FloatArray | None = None
     _force_unit = 1.0
@@ -66,15 +56,7 @@ class ClosureForces:
 
 
 class ActuatedForces(ClosureForces):
-    """What actuators and closures have to bear in a motion; also see `ClosureForces`.
-
-    Parameters
-    ----------
-    actuated_v : (n_actuated,) array of int
-        Indices of the actuated joints in v.
-    actuation : Decomposition, optional
-        The property of this name, where it is known.
-    """
+    """What actuators and closures have to bear in a motion; also see `ClosureForces`."""
 
     def __init__(
         self,
@@ -121,20 +103,10 @@ class ActuatedForces(ClosureForces):
 
 
 class AcceleratedClosures(ClosureForces):
-    """What the closures have to bear under given forces; also see `ClosureForces`.
-
-    Parameters
-    ----------
-    opening : (rows,) array
-        Relative accelerations that are left at the closures.
-    """
+    """What the closures have to bear under given forces; also see `ClosureForces`."""
 
     def __init__(
-        self,
-        point: ClosurePoint,
-        force: FloatArray,
-        opening: FloatArray,
-        lambda_: FloatArray | None = None,
+        self, point: ClosurePoint, force: FloatArray, opening: FloatArray, lambda_: FloatArray | None = None
     ) -> None:
         super().__init__(point, force, lambda_)
         self._opening = opening
@@ -145,20 +117,10 @@ class AcceleratedClosures(ClosureForces):
         return max_abs(self._opening) * self._length
 
 
-@dataclass(frozen=True, eq=False)
-class InverseDynamics:
-    """Actuator forces that produce a motion, and the evidence for them.
+class _Proven(Readable):
+    """What the evidence for the dynamics of a sample tells of the closures."""
 
-    Parameters
-    ----------
-    tau : (n_actuated,) array
-        Forces of the actuated joints [N or N m]; the smallest possible if they are not unique.
-    evidence : ActuatedForces
-        What all other attributes ask: it is found out when it is asked for, from what the call has stored.
-    """
-
-    tau: FloatArray
-    evidence: ActuatedForces
+    evidence: ClosureForces
 
     @property
     def lambda_(self) -> FloatArray:
@@ -172,6 +134,22 @@ class InverseDynamics:
         times -f. The smallest possible where not unique.
         """
         return self.evidence.lambda_
+
+    @property
+    def residual(self) -> float:
+        """Largest error of the full equation of motion [N or N m]."""
+        return self.evidence.residual
+
+    @property
+    def gap(self) -> float:
+        """Largest closure error of the configuration [m or rad]."""
+        return self.evidence.gap
+
+
+class _Driven(_Proven):
+    """What it tells of the actuators too."""
+
+    evidence: ActuatedForces
 
     @property
     def unique(self) -> NDArray[np.bool_]:
@@ -205,19 +183,25 @@ class InverseDynamics:
         """
         return self.evidence.conditioning
 
-    @property
-    def residual(self) -> float:
-        """Largest error of the full equation of motion [N or N m]."""
-        return self.evidence.residual
 
-    @property
-    def gap(self) -> float:
-        """Largest closure error of the configuration [m or rad]."""
-        return self.evidence.gap
+@dataclass(frozen=True, eq=False)
+class InverseDynamics(_Driven):
+    """Actuator forces that produce a motion, and the evidence for them.
+
+    Parameters
+    ----------
+    tau : (n_actuated,) array
+        Forces of the actuated joints [N or N m]; the smallest possible if they are not unique.
+    evidence : ActuatedForces
+        What all other attributes ask: it is found out when it is asked for, from what the call has stored.
+    """
+
+    tau: FloatArray
+    evidence: ActuatedForces
 
 
 @dataclass(frozen=True, eq=False)
-class ForwardDynamics:
+class ForwardDynamics(_Proven):
     """Acceleration that actuator forces produce, and the evidence for it.
 
     Parameters
@@ -232,16 +216,6 @@ class ForwardDynamics:
     evidence: AcceleratedClosures
 
     @property
-    def lambda_(self) -> FloatArray:
-        """Multipliers of closures and couplings (rows,), as in `InverseDynamics`."""
-        return self.evidence.lambda_
-
-    @property
-    def residual(self) -> float:
-        """Largest error of the full equation of motion [N or N m]."""
-        return self.evidence.residual
-
-    @property
     def closure_residual(self) -> float:
         """Largest relative acceleration that is left at a closure, J a + J̇ v [m/s² or rad/s²].
 
@@ -249,41 +223,78 @@ class ForwardDynamics:
         """
         return self.evidence.closure_residual
 
-    @property
-    def gap(self) -> float:
-        """Largest closure error of the configuration [m or rad]."""
-        return self.evidence.gap
-
-
-def determined(
-    svd: Decomposition, actuation: Decomposition | None, actuated_v: NDArray[np.int_]
-) -> NDArray[np.bool_]:
-    """Tell which multipliers keep their value in every solution of the equation of motion.
-
-    Parameters
-    ----------
-    svd : Decomposition
-        Of the closures' Jacobian.
-    actuation : Decomposition, optional
-        Of what the actuators do to the free motions, see `actuation_of`; None if their forces are given.
-    actuated_v : (n_actuated,) array of int
-        Indices of the actuated joints in v.
-
-    Returns
-    -------
-    (rows,) array of bool
-    """
-    open_ = np.abs(svd.U[:, svd.rank :])
-    fixed = np.all(open_ <= UNIQUE, axis=1)
-    if actuation is not None and actuation.rank < len(actuated_v):
-        forces = np.zeros((svd.Vt.shape[1], len(actuated_v) - actuation.rank))
-        forces[actuated_v] = actuation.null_space
-        effect = np.abs(svd.solve_transpose(forces))
-        fixed = fixed & np.all(effect <= UNIQUE * effect.max(initial=0.0), axis=1)
-    return np.asarray(fixed)
-
 
 def read_only(array: np.ndarray) -> np.ndarray:
     """Return an array that nobody can write to any more."""
     array.setflags(write=False)
     return array
+
+
+class PrescribedMotion(ActuatedForces):
+    """What closures have to bear where accelerations are prescribed; also see `ActuatedForces`."""
+
+    def __init__(
+        self,
+        point: ClosurePoint,
+        force: FloatArray,
+        actuated_v: NDArray[np.int_],
+        prescribed: FloatArray,
+        errors: tuple[FloatArray, FloatArray],
+    ) -> None:
+        super().__init__(point, force, actuated_v)
+        self.opening, self.off = errors
+        self._prescribed = prescribed
+
+    @property
+    def prescribed_residual(self) -> float:
+        """The largest error of a prescribed acceleration."""
+        return max_abs(self.off) * max(1.0, self._length)
+
+    @property
+    def closure_residual(self) -> float:
+        """The largest relative acceleration that is left at a closure."""
+        return max_abs(self.opening) * max(1.0, self._length)
+
+    @cached_property
+    def prescribed_conditioning(self) -> float:
+        """The smallest singular value of S N; one without any."""
+        s = np.linalg.svd(self._prescribed @ self.point.svd.null_space, compute_uv=False)
+        return float(s[-1]) if s.size else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class HybridDynamics(_Driven):
+    """Actuator forces that produce prescribed accelerations, the motion with them, and the evidence.
+
+    Parameters
+    ----------
+    tau : (n_actuated,) array
+        Forces of the actuated joints [N or N m]; the smallest possible if they are not unique.
+    a : (nv,) array
+        Acceleration of the whole tree: as prescribed, and of the passive freedoms what follows.
+    evidence : PrescribedMotion
+        What all other attributes ask: it is found out when it is asked for, from what the call has stored.
+    """
+
+    tau: FloatArray
+    a: FloatArray
+    evidence: PrescribedMotion
+
+    @property
+    def prescribed_residual(self) -> float:
+        """Largest error of a prescribed acceleration [m/s² or rad/s²]."""
+        return self.evidence.prescribed_residual
+
+    @property
+    def closure_residual(self) -> float:
+        """Largest relative acceleration that is left at a closure, J a + J̇ v [m/s² or rad/s²]."""
+        return self.evidence.closure_residual
+
+    @property
+    def prescribed_conditioning(self) -> float:
+        """Smallest singular value of S N: how well the prescribed accelerations are seen.
+
+        S picks them, and N are the orthonormal free motions. It is 0 where they cannot be chosen freely.
+        Where those of the actuated joints are prescribed it is the `conditioning`.
+        """
+        return self.evidence.prescribed_conditioning

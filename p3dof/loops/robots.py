@@ -11,13 +11,33 @@ from typing import Any, Literal
 import pinocchio as pin
 
 from p3dof._base.checks import shown
-from p3dof._base.errors import FileError, InputError, ModelError
+from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
-from p3dof.loops.formats import mjcf, named, srdf, urdf
+from p3dof.loops.coordinates import with_armature
+from p3dof.loops.formats import mjcf, srdf, urdf
 from p3dof.loops.model import ClosedLoopModel
-from p3dof.loops.passive import with_armature
-from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of
+from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
 from p3dof.loops.xml_text import is_text, read_xml, root_of
+
+
+def urdf_of(name: str) -> tuple[str, bool]:
+    """Return the path of the URDF of a robot, and whether its base floats."""
+    try:
+        from example_robot_data import robots_loader
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{shown(name)} is no file; robots by name need example-robot-data: pip install 'p3dof[models]'"
+        ) from error
+    loaders = robots_loader.ROBOTS
+    if name not in loaders:
+        raise ModelError(f"{shown(name)} is no file and no robot by name; {suggestion(name, loaders)}")
+    loader = loaders[name]
+    if not loader.urdf_filename:
+        raise ModelError(f"the robot {shown(name)} has no URDF")
+    inside = f"{loader.path}/{loader.urdf_subpath}/{loader.urdf_filename}"
+    folder = loader.model_path or robots_loader.getModelPath(inside)
+    return f"{folder}/{inside}", bool(loader.free_flyer)
+
 
 _SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
 
@@ -64,10 +84,6 @@ def load_robot(
         those of an MJCF, whose users mean them, and not those of a URDF, which are often guesses. They become
         `Sidecar.joint_data`; what the sidecar says of a joint always acts, and goes before.
 
-    Returns
-    -------
-    ClosedLoopModel
-
     Raises
     ------
     ModelError
@@ -82,7 +98,7 @@ def load_robot(
         raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")
     path = _path(source)
     if path is None and not is_text(source):
-        source, floating = named.urdf_of(str(source))
+        source, floating = urdf_of(str(source))
         path = str(source)
         if floating and root_joint is None:
             root_joint = pin.JointModelFreeFlyer()
@@ -121,26 +137,9 @@ def _closed(tree: pin.Model, found: Sidecar, path: str | None, given: SidecarLik
 
 
 def file_of(source: str | os.PathLike[str]) -> str | None:
-    """Return the path of the file that a source of `load_robot` stands for; None for text.
-
-    Parameters
-    ----------
-    source : str or path-like
-        The path of a file, its text, or the name of a robot.
-
-    Returns
-    -------
-    str, optional
-
-    Raises
-    ------
-    ModelError
-        If it is none of these.
-    MissingExtraError
-        If it is a name, and example-robot-data is not installed.
-    """
+    """Return the path of the file that a source of `load_robot` stands for; None for text."""
     path = _path(source)
-    return named.urdf_of(str(source))[0] if path is None and not is_text(source) else path
+    return urdf_of(str(source))[0] if path is None and not is_text(source) else path
 
 
 def _root(source: str | os.PathLike[str]) -> str:

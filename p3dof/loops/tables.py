@@ -3,19 +3,67 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.tables import NONE, Cell, Table, number
-from p3dof.loops.assembly_results import Assembly
+from p3dof.loops.assembly import Assembly
+from p3dof.loops.linear import UNIQUE, actuation_of, determined
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.motors import motor_side
-from p3dof.loops.overview import Overview
+from p3dof.loops.sidecar import motor_side
+
+
+@dataclass(frozen=True, eq=False)
+class Overview:
+    """What a robot can do at a configuration."""
+
+    rank: int  # rank of the closures' Jacobian, and nv - rank
+    mobility: int
+    held: int  # how many of the free motions the actuators see, at most `mobility`
+    idle: tuple[str, ...]  # joints that can move while all actuated joints stand still
+    undetermined: np.ndarray
+    """(rows,): which multipliers of closures and couplings no force determines: the closures are
+    redundant."""
+
+
+def overview(loop: LoopModel, q: FloatArray) -> Overview:
+    """Return what a robot can do at a configuration."""
+    svd = loop._scaled.core.at(loop._scaled.q(q)).svd
+    actuation = actuation_of(svd, loop.actuated_v)
+    unseen = actuation.U[:, actuation.rank :]
+    still = np.abs(svd.null_space @ unseen).max(axis=1, initial=0.0) > UNIQUE
+    model = loop.model
+    idle = [i for i in range(1, model.njoints) if still[_freedoms(model, i)].any()]
+    return Overview(
+        svd.rank,
+        model.nv - svd.rank,
+        actuation.rank,
+        tuple(str(model.names[i]) for i in idle),
+        ~determined(svd, None, loop.actuated_v),
+    )
+
+
+def closure_conditioning(loop: LoopModel, q: FloatArray, rank: int) -> float:
+    """Return how far the closures' Jacobian is from losing rank.
+
+    The singular value of this number, the largest being 1; infinite if the rank is zero. Of a robot that is
+    computed in a unit of length of its own, the Jacobian is in that unit.
+    """
+    if not rank:
+        return np.inf
+    s = np.linalg.svd(loop._scaled.core.at(loop._scaled.q(q)).J, compute_uv=False)
+    return float(s[rank - 1] / s[0])
+
+
+def _freedoms(model: pin.Model, joint: int) -> slice:
+    return slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+
 
 _KINDS = {"R": "revolute", "P": "prismatic", "H": "helical"}
-_ENDLESS = 1e10
-"""Limits from here on are none [m or rad]."""
+_ENDLESS = 1e10  # limits from here on are none [m or rad]
 _NAMED = {
     "JointModelFreeFlyer": "free",
     "JointModelSpherical": "ball",
@@ -27,19 +75,7 @@ _NAMED = {
 
 
 def kind_of(loop: LoopModel, joint: int) -> str:
-    """Return what kind a joint is, in a word.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    joint : int
-        Index of the joint in Pinocchio's model.
-
-    Returns
-    -------
-    str
-    """
+    """Return what kind a joint is, in a word."""
     name = str(loop.model.joints[joint].shortname())
     if name in _NAMED:
         return _NAMED[name]
@@ -61,19 +97,7 @@ def units_of_actuated(loop: LoopModel) -> tuple[tuple[str, str], ...]:
 
 
 def joints_table(loop: LoopModel, seen: Overview | None = None) -> Table:
-    """Return all joints: what they are, what they carry, where they may go, who moves them.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    seen : Overview, optional
-        At the configuration that matters: it tells which joints are idle.
-
-    Returns
-    -------
-    Table
-    """
+    """Return all joints: what they are, what they carry, where they may go, who moves them."""
     model, rows = loop.model, []
     idle = () if seen is None else seen.idle
     follow = {coupling.joint: coupling.on or "locked" for coupling in loop.sidecar.couplings}
@@ -82,10 +106,10 @@ def joints_table(loop: LoopModel, seen: Overview | None = None) -> Table:
         role = "actuated" if name in loop.actuated else follow.get(name, "")
         if role not in ("", "actuated", "locked"):
             role = f"follows {role}"
-        role = role or ("idle" if name in idle else "")
+        role = role or ("passive" if name in idle else "")
         rows.append((name, kind_of(loop, i), role, f"{float(model.inertias[i].mass):.4g}", _range(loop, i)))
     header = ("Joint", "kind", "role", "mass [kg]", "range [m or rad]")
-    note = "Mass: that of the body behind the joint. Idle: can move while all actuated joints stand still."
+    note = "Mass: that of the body behind the joint. Passive: can move while all actuated joints are locked."
     return Table("Joints", header, tuple(rows), note, layout="list")
 
 
@@ -100,19 +124,7 @@ def _range(loop: LoopModel, joint: int) -> str:
 
 
 def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
-    """Return all closures and couplings, and which of their forces are determined.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    seen : Overview, optional
-        At the configuration that matters.
-
-    Returns
-    -------
-    Table
-    """
+    """Return all closures and couplings, and which of their forces are determined."""
     entries = [(f"{c.frame1}/{c.frame2}", c.kind) for c in loop.sidecar.closures]
     entries += [(c.title, "coupling") for c in loop.sidecar.couplings]
     rows = []
@@ -125,21 +137,7 @@ def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
 
 
 def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math.nan) -> Table:
-    """Return what matters of a robot in numbers.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    seen : Overview, optional
-        At the configuration that matters; without, what depends on it is a dash.
-    gap : float
-        How far the loops are open there [m or rad].
-
-    Returns
-    -------
-    Table
-    """
+    """Return what matters of a robot in numbers."""
     model = loop.model
     mass = sum(inertia.mass for inertia in model.inertias)
     rows: list[tuple[str, str]] = [
@@ -153,8 +151,8 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
     ]
     if seen is not None:
         rows += [
-            ("free motions that actuators hold", str(seen.held)),
-            ("idle joints", str(len(seen.idle))),
+            ("controlled free motions", str(seen.held)),
+            ("passive joints", str(len(seen.idle))),
             ("actuator forces", "unique" if seen.held == len(loop.actuated) else "not unique"),
         ]
     rows += [("moving mass", f"{number(float(mass))} kg"), ("gravity", f"{_vector(loop)} m/s²")]
@@ -162,19 +160,7 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
 
 
 def assembly_table(loop: LoopModel, assembly: Assembly) -> Table:
-    """Return the values of all joints of an assembly.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    assembly : Assembly
-        The configuration.
-
-    Returns
-    -------
-    Table
-    """
+    """Return the values of all joints of an assembly."""
     rows = []
     for name, values in joint_values(loop, assembly.q).items():
         joint = loop.model.getJointId(name)
@@ -190,20 +176,7 @@ def assembly_table(loop: LoopModel, assembly: Assembly) -> Table:
 
 
 def joint_values(loop: LoopModel, q: FloatArray) -> dict[str, FloatArray]:
-    """Return the values of all joints by name: of a continuous joint its angle.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    q : (nq,) array
-        A configuration.
-
-    Returns
-    -------
-    dict of str to (n,) array
-        Values [m or rad] in Pinocchio's order.
-    """
+    """Return the values of all joints by name: of a continuous joint its angle; dict of str to (n,) array."""
     model, found = loop.model, {}
     for i in range(1, model.njoints):
         values = np.asarray(q[model.idx_qs[i] : model.idx_qs[i] + model.nqs[i]])
@@ -214,24 +187,7 @@ def joint_values(loop: LoopModel, q: FloatArray) -> dict[str, FloatArray]:
 
 
 def actuators_table(loop: LoopModel, time: FloatArray, tau: FloatArray, v: FloatArray) -> Table:
-    """Return peaks and root mean squares of the actuators' forces over a motion.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    time : (N,) array
-        Times [s].
-    tau : (N, n_actuated) array
-        Forces [N or N m].
-    v : (N, nv) array
-        Velocities of all joints.
-
-    Returns
-    -------
-    Table
-        Root mean squares are over time; samples count by their share of it.
-    """
+    """Return peaks and root mean squares over time of the actuators' forces over a motion."""
     power = tau * v[:, loop.actuated_v]
     rows: list[tuple[Cell, ...]] = []
     for i, name in enumerate(loop.actuated):
@@ -245,21 +201,7 @@ def actuators_table(loop: LoopModel, time: FloatArray, tau: FloatArray, v: Float
 
 
 def motors_table(loop: LoopModel, tau: FloatArray, v: FloatArray) -> Table | None:
-    """Return peaks of torque and speed before the gears over a motion; None where there are no gears.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    tau : (N, n_actuated) array
-        Forces of its actuated joints [N or N m].
-    v : (N, nv) array
-        Velocities of all joints.
-
-    Returns
-    -------
-    Table, optional
-    """
+    """Return peaks of torque and speed before the gears over a motion; None where there are no gears."""
     data = {entry.joint: entry for entry in loop.sidecar.joint_data}
     geared = [name for name in loop.actuated if name in data and data[name].gear_ratio != 1.0]
     side = motor_side(loop.actuated, loop.sidecar.joint_data, tau, v[:, loop.actuated_v])

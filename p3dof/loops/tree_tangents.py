@@ -11,35 +11,72 @@ References
 ----------
 J. Carpentier, N. Mansard, Analytical derivatives of rigid body dynamics algorithms, Robotics: Science and
 Systems 2018.
+
+Joints whose axes turn within the body that they carry, as chains of joints whose axes do not.
+
+Pinocchio has no derivatives of the dynamics of such joints: universal joints, balls by three angles,
+composites. The chain has the same configurations and velocities, in the same order.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
+from p3dof._base.errors import ModelError
 from p3dof._base.threads import Workspace
-from p3dof.loops.rotations import cross, skew
-from p3dof.loops.simple_joints import simple_tree
+from p3dof.loops.coordinates import cross, skew
+from p3dof.loops.trees import NewJoint, with_joints
+
+_UNKNOWN = ("Ellipsoid", "Mimic")  # kinds of joint that are no chain of simple ones
 
 
-class Tree(Workspace):
-    """Which joints carry which.
+def simple_tree(model: pin.Model) -> tuple[pin.Model, NDArray[np.int_]]:
+    """Return a tree of joints with fixed axes that moves alike."""
+    names = [str(name) for name in model.names]
+    chains = {names[i]: _chain(names[i], model.joints[i]) for i in range(1, model.njoints)}
+    replaced = {name: chain for name, chain in chains.items() if chain}
+    if not replaced:
+        return model, np.arange(model.njoints)
+    tree = with_joints(model, replaced)
+    last = {name: chain[-1].name if chain else name for name, chain in chains.items()}
+    return tree, np.array([0, *(tree.getJointId(last[name]) for name in names[1:])], dtype=int)
 
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
 
-    Raises
-    ------
-    ModelError
-        If a joint is of a kind that is no chain of joints with fixed axes.
-    """
+def _chain(name: str, joint: Any) -> list[NewJoint]:
+    """Return the joints that take the place of one; none if it is simple."""
+    parts = _parts(name, joint, pin.SE3.Identity())
+    if len(parts) == 1 and parts[0][0] is joint:
+        return []
+    return [NewJoint(f"{name}[{k}] of {len(parts)}", *part) for k, part in enumerate(parts)]
+
+
+def _parts(name: str, joint: Any, placement: pin.SE3) -> Sequence[tuple[Any, pin.SE3]]:
+    """Return simple joints, each with its placement behind the one before."""
+    kind, here = joint.shortname().removeprefix("JointModel"), pin.SE3.Identity()
+    content = joint.extract() if isinstance(joint, pin.JointModel) else joint
+    if kind.startswith("Universal"):
+        first, second = (pin.JointModelRevoluteUnaligned(axis) for axis in (content.axis1, content.axis2))
+        return [(first, placement), (second, here)]
+    if kind.startswith("SphericalZYX"):
+        return [(pin.JointModelRZ(), placement), (pin.JointModelRY(), here), (pin.JointModelRX(), here)]
+    if kind.startswith("Composite"):
+        each = zip(list(content.joints), list(content.jointPlacements), strict=True)
+        parts = [part for one, where in each for part in _parts(name, one, where)]
+        return [(parts[0][0], placement * parts[0][1]), *parts[1:]]
+    if kind.startswith(_UNKNOWN):
+        raise ModelError(f"the joint {name!r} ({kind}) has no derivatives: expected simple joints")
+    return [(joint, placement)]
+
+
+class TangentTree(Workspace):
+    """Which joints carry which."""
 
     def __init__(self, model: pin.Model) -> None:
         self._given = model
@@ -49,8 +86,7 @@ class Tree(Workspace):
         self.data = model.createData()
         self.joint_of = np.array([i for i in range(model.njoints) for _ in range(model.nvs[i])], dtype=int)
         """Joint of each entry of v."""
-        self.parent_of = np.array(model.parents, dtype=int)[self.joint_of]
-        """The joint before that."""
+        self.parent_of = np.array(model.parents, dtype=int)[self.joint_of]  # the joint before that
         self.carries: NDArray[np.bool_] = np.zeros((model.nv, model.njoints), dtype=bool)
         """Whether an entry of v moves a body, (nv, njoints)."""
         for i in range(1, model.njoints):
@@ -74,40 +110,21 @@ class Tree(Workspace):
 
 
 class TreeMotion:
-    """The motion of all bodies, and how it changes.
+    """The motion of all bodies, and how it changes."""
 
-    Parameters
-    ----------
-    tree : Tree
-        The tree.
-    q : (nq,) array
-        Configuration.
-    v, a : (nv,) array
-        Velocity and acceleration.
-    """
-
-    def __init__(self, tree: Tree, q: FloatArray, v: FloatArray, a: FloatArray) -> None:
+    def __init__(self, tree: TangentTree, q: FloatArray, v: FloatArray, a: FloatArray) -> None:
         self.tree, data = tree, tree.data
         self.J = np.array(pin.computeJointJacobians(tree.model, data, q)).T  # (nv, 6)
-        self.M = [data.oMi[i].copy() for i in range(tree.model.njoints)]
-        """Placements of the bodies."""
+        self.M = [data.oMi[i].copy() for i in range(tree.model.njoints)]  # placements of the bodies
         moved = tree.carries.T.astype(float)
-        self.V: FloatArray = moved @ (self.J * v[:, None])
-        """Velocities of the bodies (njoints, 6)."""
+        self.V: FloatArray = moved @ (self.J * v[:, None])  # velocities of the bodies (njoints, 6)
         self._across = across(self.J)
-        self.J_dot = motion_cross(self.V[tree.joint_of], self.J)
-        """d/dt of the joints' columns (nv, 6)."""
+        self.J_dot = motion_cross(self.V[tree.joint_of], self.J)  # d/dt of the joints' columns (nv, 6)
         self.A: FloatArray = moved @ (self.J * a[:, None] + self.J_dot * v[:, None])
         """Accelerations of the bodies (njoints, 6)."""
 
     def turned(self, motions: FloatArray) -> FloatArray:
-        """Return J × (motion - that of the parent) (nv, 6, n) by entry of v, for motions (njoints, 6).
-
-        Parameters
-        ----------
-        motions : (njoints, 6) array
-            Of all bodies; the n wanted are all.
-        """
+        """Return J × (motion - that of the parent) (nv, 6, n) by entry of v, for motions (njoints, 6)."""
         parents = motions[self.tree.parent_of]
         return np.asarray(self._across @ motions.T - self._across @ parents[..., None])
 
@@ -142,32 +159,14 @@ class TreeMotion:
         return self.J * self.tree.carries[:, body, None]
 
     def forces_by_q(self, F: FloatArray, shares: FloatArray) -> FloatArray:
-        """Return the derivative of Σ share_k J_k·F by q_j (k, j), of constant wrenches at the world's origin.
-
-        Parameters
-        ----------
-        F : (c, 6) array
-            The wrenches.
-        shares : (c, nv) array
-            How much of each acts on each entry of v.
-        """
+        """Return the derivative of Σ share_k J_k·F by q_j (k, j); wrenches constant at the world origin."""
         turned = F @ self._across  # (J_j × J_k)·F = J_k·turned_j
         parts = self.J @ turned.reshape(-1, 6).T
         parts = parts.reshape(len(self.J), len(self.J), len(F)) * shares.T[:, None]
         return np.asarray(parts.sum(axis=-1) * self.tree.before.T)
 
     def wrench_by_q(self, body: int, point: FloatArray, wrench: FloatArray) -> FloatArray:
-        """Return the derivative (nv, nv) by q of the generalised force of a wrench on a body.
-
-        Parameters
-        ----------
-        body : int
-            The joint that carries the body.
-        point : (3,) array
-            Where it acts, in the world; it moves with the body.
-        wrench : (6,) array
-            Force and moment, which stay in world axes.
-        """
+        """Return the derivative (nv, nv) by q of the generalised force of a wrench on a body."""
         columns, force = self.columns(body), wrench[:3]
         F = np.concatenate((force, wrench[3:] + cross(point, force)))
         moved = columns[:, :3] + cross(columns[:, 3:], point)
@@ -176,20 +175,7 @@ class TreeMotion:
         return np.asarray(self.forces_by_q(F[None], shares) + by_place)
 
     def frame(self, frame: pin.Frame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return Jacobian and classical acceleration of a frame, in world axes, and how the latter changes.
-
-        Parameters
-        ----------
-        frame : pin.Frame
-            The frame.
-
-        Returns
-        -------
-        J : (6, nv) array
-        acceleration : (6,) array
-        by_q, by_v : (6, nv) array
-            Of the acceleration.
-        """
+        """Return Jacobian and classical acceleration of a frame, in world axes, and the rate of it."""
         body = int(self.tree.bodies[frame.parentJoint])
         p = self.M[body].act(frame.placement.translation)
         V, A = self.V[body], self.A[body]
@@ -239,5 +225,4 @@ def _hats() -> FloatArray:
     return result.reshape(6, 16)
 
 
-_HAT = _hats()
-"""The matrices of unit motions, (6, 16)."""
+_HAT = _hats()  # the matrices of unit motions, (6, 16)

@@ -12,35 +12,13 @@ from p3dof._base.checks import one_line, shown
 from p3dof._base.errors import FileError, ModelError
 from p3dof._base.files import MAX_BYTES, read_text
 
-MAX_DEPTH = 100
-"""Deepest nesting of XML elements that is read; a URDF needs six."""
-MAX_ATTRIBUTES = 100
-"""Most attributes of an element: urdfdom takes a time that grows with the square of their number."""
-MAX_ELEMENTS = 200_000
-"""Most elements of a file."""
+MAX_DEPTH = 100  # deepest nesting of XML elements that is read; a URDF needs six
+MAX_ATTRIBUTES = 100  # most of an element: urdfdom's time grows with the square of their number
+MAX_ELEMENTS = 200_000  # most elements of a file
 
 
 def read_xml(source: str | os.PathLike[str], what: str = "URDF") -> tuple[str, str]:
-    """Return the text of an XML file and what to call it in an error.
-
-    Parameters
-    ----------
-    source : str or path-like
-        XML text (it starts with ``<``) or the path of a file.
-    what : str
-        The format, for errors.
-
-    Returns
-    -------
-    text : str
-    name : str
-        The path, or ``"URDF text"``.
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read, the text is longer than 20 MB, or `source` is neither text nor a path.
-    """
+    """Return the text of an XML file and what to call it in an error."""
     if is_text(source):
         text = str(source).lstrip("\ufeff")
         if len(text) > MAX_BYTES:
@@ -60,13 +38,7 @@ def is_text(source: object) -> bool:
 
 
 class XmlReader:
-    """Reads XML into elements, whose names keep their prefixes; text is kept in ``<plugin>`` only.
-
-    Parameters
-    ----------
-    source : str
-        What to call the text in an error.
-    """
+    """Reads XML into elements, whose names keep their prefixes; text is kept in ``<plugin>`` only."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -90,13 +62,7 @@ class XmlReader:
         raise ModelError(f"{self.source}, line {line or self.line}: {one_line(message)}")
 
     def parse(self, text: str) -> Xml.Element:
-        """Return the first element of a text, with all that is in it.
-
-        Raises
-        ------
-        ModelError
-            If the text is not well-formed, declares a document type, is nested too deeply, or holds too much.
-        """
+        """Return the first element of a text, with all that is in it."""
         parser = self._parser
         parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
         parser.CharacterDataHandler = self._data
@@ -144,24 +110,7 @@ class _FirstElement(XmlReader):
 
 
 def root_of(text: str, source: str) -> str:
-    """Return the name of the element that a text begins with; what follows is not looked at.
-
-    Parameters
-    ----------
-    text : str
-        The XML.
-    source : str
-        What to call it in an error.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If it does not begin as XML does.
-    """
+    """Return the name of the element that a text begins with; what follows is not looked at."""
     try:
         return str(_FirstElement(source).parse(text).tag)
     except _Begun as begun:
@@ -169,17 +118,7 @@ def root_of(text: str, source: str) -> str:
 
 
 def check_includes(robot: Xml.Element, source: str | os.PathLike[str], name: str) -> None:
-    """Raise ModelError for an ``<include>`` of a file that is not below the folder of the one that has it.
-
-    Parameters
-    ----------
-    robot : xml.etree.ElementTree.Element
-        What the file says.
-    source : str or path-like
-        The path of the file, or its text.
-    name : str
-        What to call it in an error.
-    """
+    """Raise ModelError for an ``<include>`` of a file that is not below the folder of the one that has it."""
     for element in robot.iter("include"):
         if is_text(source):
             raise ModelError(f"{name}: <include> needs the files beside it: give the path of the file")

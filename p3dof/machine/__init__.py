@@ -1,12 +1,8 @@
-"""What the paper's machine is (parameters), does (motion), and how other programs read it (description)."""
+"""What the paper's machine is (parameters), does (motion), and how other programs read it (description).
 
-import lazy_loader
+Each name is imported when it is first used.
+"""
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    [
-        "description",
-        "motion",
-        "parameters",
-    ],
-)
+from p3dof._base import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

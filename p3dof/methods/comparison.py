@@ -4,38 +4,33 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array
+from p3dof._base.checks import FloatArray, Progress, Readable, Watch, frozen_array
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
 from p3dof._base.samples import OnInvalid
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, table_of, time_text
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.machine.motion import Motion, WrenchOverTime
 from p3dof.machine.parameters import LEGS, Parameters
-from p3dof.methods import InverseDynamics, Method, engines
-
-TOLERANCE = 1e-10
-"""Largest difference of the two methods that passes, as a share of the largest force."""
+from p3dof.methods import InverseDynamics, Method, engines, evidence_table
+from p3dof.methods.registry import TOLERANCE, prepare
 
 ENGINE_TOLERANCE = 1e-9
 """The same for another engine, and for the compiled kernels."""
 
 _PAIR: tuple[Method, Method] = ("pinocchio", "virtual-power")
 
-Watch: TypeAlias = Callable[[str, int], AbstractContextManager[Progress | None]]
-"""Called with the name of what begins and its number of samples; gives what its progress is told to."""
 
-
-class Machine(Protocol):
+class ComparedMachine(Protocol):
     """What the methods are compared on: `p3dof.Manipulator`."""
 
     @property
@@ -70,7 +65,7 @@ class Machine(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Opinion:
+class Opinion(Readable):
     """What the compiled kernels, or another engine, found.
 
     Parameters
@@ -229,11 +224,6 @@ class Comparison(ShownInNotebook):
         path : path-like
             The file; replaced whole or not at all.
 
-        Returns
-        -------
-        Path
-            The path written.
-
         Raises
         ------
         FileError
@@ -253,7 +243,7 @@ class Comparison(ShownInNotebook):
 
 
 def compare(
-    robot: Machine,
+    robot: ComparedMachine,
     motion: Motion,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
@@ -261,19 +251,7 @@ def compare(
     tolerance: float = TOLERANCE,
     watch: Watch | None = None,
 ) -> Comparison:
-    """Compare the methods on a motion; `p3dof.Manipulator.compare` has the arguments.
-
-    Parameters
-    ----------
-    robot : Machine
-        The machine.
-    motion, wrench, on_invalid, others, tolerance, watch
-        As for `p3dof.Manipulator.compare`.
-
-    Returns
-    -------
-    Comparison
-    """
+    """Compare the methods on a motion; `p3dof.Manipulator.compare` has the arguments."""
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     names = _engine_names(others)
@@ -290,11 +268,12 @@ def compare(
 
 
 def _by_both(
-    robot: Machine, motion: Motion, wrench: WrenchOverTime, on_invalid: OnInvalid, watch: Watch
+    robot: ComparedMachine, motion: Motion, wrench: WrenchOverTime, on_invalid: OnInvalid, watch: Watch
 ) -> list[tuple[InverseDynamics, float]]:
     """Solve by both methods; an invalid sample raises as asked only if both refuse the same ones."""
 
     def timed(name: Method, policy: OnInvalid) -> tuple[InverseDynamics, float]:
+        prepare(robot.forces, motion, name)
         with watch(name, len(motion)) as progress:
             start = time.perf_counter()
             result = robot.inverse_dynamics(
@@ -325,7 +304,7 @@ def _valid_motion(known: InverseDynamics) -> Motion:
     return Motion(motion.time[valid], *columns, check=False, start=motion.start)
 
 
-def _ask(name: str, robot: Machine, known: InverseDynamics, watch: Watch) -> Opinion:
+def _ask(name: str, robot: ComparedMachine, known: InverseDynamics, watch: Watch) -> Opinion:
     """Let an engine compute the forces of the valid samples."""
     engine = engines.load(name, robot.parameters)
     asked, forces = _valid_motion(known), np.full_like(known.forces, np.nan)
@@ -335,7 +314,7 @@ def _ask(name: str, robot: Machine, known: InverseDynamics, watch: Watch) -> Opi
     return Opinion(f"{name} {engine.version}", forces, time.perf_counter() - start)
 
 
-def _compiled(robot: Machine, known: InverseDynamics) -> Opinion:
+def _compiled(robot: ComparedMachine, known: InverseDynamics) -> Opinion:
     """Compute the forces of the valid samples by the kernels, without what else a result carries."""
     asked, forces = _valid_motion(known), np.full_like(known.forces, np.nan)
     states = asked.pose, asked.velocity, asked.acceleration
@@ -344,3 +323,45 @@ def _compiled(robot: Machine, known: InverseDynamics) -> Opinion:
     start = time.perf_counter()
     forces[known.valid] = robot.forces(*states, wrench=wrench, method="compiled")
     return Opinion(f"compiled ({robot.kernels.level})", forces, time.perf_counter() - start)
+
+
+def agreement_table(found: Comparison) -> Table:
+    """Return how well the forces of the two methods agree."""
+    worst, second = found.difference[found.both_valid].max(axis=0, initial=0.0), found.second
+    peak, rms, scale = second.peak_forces, second.rms_forces, second.force_scale
+    rows = {
+        leg: (peak[k], rms[k], f"{worst[k]:.1e}", f"{worst[k] / scale[k] if scale[k] else 0.0:.1e}")
+        for k, leg in enumerate(LEGS)
+    }
+    header = (
+        "actuator",
+        "largest force [N]",
+        "RMS force [N]",
+        "largest difference [N]",
+        "of its largest force",
+    )
+    return table_of(f"Forces by {found.first.method} and by {second.method}", header, rows, decimals=6)
+
+
+def opinions_table(found: Comparison) -> Table:
+    """Return how far others are from the virtual powers."""
+    rows = {
+        opinion.name: (
+            f"{found.opinion_difference(opinion):.1e}",
+            f"{found.opinion_share(opinion):.1e}",
+            time_text(opinion.seconds / max(1, int(found.second.valid.sum()))),
+        )
+        for opinion in found.opinions
+    }
+    header = ("by", "largest difference [N]", "of the largest force", "time per sample")
+    return table_of(f"Others against {found.second.method}", header, rows)
+
+
+@html_of.register(Comparison)
+def comparison_html(found: Comparison) -> str:
+    """Return how a notebook shows a comparison, as HTML."""
+    evidence = evidence_table(found.first, found.second, seconds=found.seconds)
+    tables = [agreement_table(found), evidence]
+    tables += [opinions_table(found)] if found.opinions else []
+    warnings = (*filter(None, [found.verdict_on_samples]), *found.warnings)
+    return notebook_html("Comparison", found.verdict, tables, warnings)

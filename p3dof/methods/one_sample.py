@@ -1,4 +1,4 @@
-"""One plain sample at once: what a control loop asks for a thousand times a second."""
+"""One plain sample, or some rows of them, at once: what a control loop asks for a thousand times a second."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.samples import POLICIES
+from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.closed_form.compiled.formulas import ACCELERATION, POSE, VELOCITY
 from p3dof.closed_form.compiled.kernels import MachineKernels, SampleFunction
 from p3dof.closed_form.compiled.reduced import MOVING
-from p3dof.machine.motion.wrenches import WRENCH_ROWS
 
 _ROW = (3, (0, 1, 2))
 _WRENCH = (6, WRENCH_ROWS)
@@ -36,16 +36,11 @@ def _derivatives(stiffness: FloatArray) -> tuple[int | float, ...]:
 
 
 class OneSample:
-    """Results of the kernels for one plain sample, without what batches take.
+    """Results of the kernels for one plain sample, or up to 2000 rows, without what batches take.
 
-    Every door takes what the user gave, `out` first, and returns the result; or None, and has written
-    nothing, where somebody must look closer: a batch, what is no array, list or tuple of doubles, a number
-    that is not finite, a state that is not clearly good, and an `out` that does not fit.
-
-    Parameters
-    ----------
-    kernels : MachineKernels
-        Of the machine.
+    Every door takes what the user gave, `out` first, and returns the result; or None where somebody must look
+    closer: a large batch, what is masked or no array of doubles (of one sample: list or tuple), a number that
+    is not finite, a state that is not clearly good, and an `out` that does not fit.
     """
 
     def __init__(self, kernels: MachineKernels) -> None:

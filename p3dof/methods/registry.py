@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
-from p3dof.closed_form.compiled import MachineKernels
-from p3dof.loops import ClosedLoopModel
+from p3dof.machine.motion.core import Motion
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import Parameters
-from p3dof.methods import compiled, equations_of_motion
+from p3dof.methods import closed_form, compiled
 from p3dof.methods.compiled import CompiledMethod
-from p3dof.methods.pinocchio import PinocchioMethod
-from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.methods.way import DynamicsMethod
+
+if TYPE_CHECKING:  # Pinocchio and all that stands on it is imported when it is first asked for
+    from p3dof.closed_form.compiled import MachineKernels
+    from p3dof.loops import ClosedLoopModel
 
 Method: TypeAlias = str
 """The name of a way to the forces, one of `METHODS`."""
@@ -37,9 +38,21 @@ class Machine(Protocol):
         """Its compiled kernels; made when they are first asked for."""
 
 
+def _pinocchio(machine: Machine) -> DynamicsMethod:
+    from p3dof.methods.pinocchio import PinocchioMethod
+
+    return PinocchioMethod(machine.parameters, machine.loop)
+
+
+def _virtual_power(machine: Machine) -> DynamicsMethod:
+    from p3dof.methods.virtual_power import VirtualPowerMethod
+
+    return VirtualPowerMethod(machine.parameters)
+
+
 METHODS: Mapping[Method, Callable[[Machine], DynamicsMethod]] = {
-    "pinocchio": lambda machine: PinocchioMethod(machine.parameters, machine.loop),
-    "virtual-power": lambda machine: VirtualPowerMethod(machine.parameters),
+    "pinocchio": _pinocchio,
+    "virtual-power": _virtual_power,
     "compiled": lambda machine: CompiledMethod(machine.kernels),
 }
 """The ways to the forces. The first two share only the parameters; the third is the second's result by the
@@ -48,27 +61,20 @@ reduced formulas of `p3dof.closed_form.compiled.reduced`, compiled."""
 DEFAULT_METHOD: Method = "pinocchio"
 """Wherever a method can be chosen."""
 
+TOLERANCE = 1e-10
+"""Largest difference of the two methods that passes, as a share of the largest force."""
+
 
 def check_method(method: str) -> str:
-    """Return the name of a method if it is known.
-
-    Parameters
-    ----------
-    method : str
-        What the user gave.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If it is not one of `METHODS`.
-    """
+    """Return the name of a method if it is known."""
     if not isinstance(method, str) or method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(map(repr, METHODS))}, got {shown(method)}")
     return method
+
+
+def prepare(forces: Callable[..., FloatArray], motion: Motion, method: Method) -> None:
+    """Let a method find, by the first sample of a motion, what it needs once for a machine."""
+    forces(motion.pose[:1], motion.velocity[:1], motion.acceleration[:1], on_invalid="nan", method=method)
 
 
 Term: TypeAlias = Callable[[Machine, States, FloatArray | None], FloatArray]
@@ -76,22 +82,16 @@ Term: TypeAlias = Callable[[Machine, States, FloatArray | None], FloatArray]
 
 
 class EquationTerms(NamedTuple):
-    """Terms of the equations of motion that only the closed forms have.
+    """Terms of the equations of motion that only the closed forms have."""
 
-    Parameters
-    ----------
-    coriolis_matrix, gravity_forces : callable
-        Of a machine and states.
-    """
-
-    coriolis_matrix: Term
+    coriolis_matrix: Term  # of a machine and states
     gravity_forces: Term
 
 
 EQUATION_TERMS: Mapping[Method, EquationTerms] = {
     "virtual-power": EquationTerms(
-        lambda machine, *given: equations_of_motion.coriolis_matrix(machine.parameters, *given),
-        lambda machine, *given: equations_of_motion.gravity_forces(machine.parameters, *given),
+        lambda machine, *given: closed_form.coriolis_matrix(machine.parameters, *given),
+        lambda machine, *given: closed_form.gravity_forces(machine.parameters, *given),
     ),
     "compiled": EquationTerms(
         lambda machine, *given: compiled.coriolis_matrix(machine.kernels, *given),
@@ -102,22 +102,7 @@ EQUATION_TERMS: Mapping[Method, EquationTerms] = {
 
 
 def equation_terms(method: Method) -> EquationTerms:
-    """Return what computes Coriolis matrix and gravity by a method.
-
-    Parameters
-    ----------
-    method : str
-        What the user gave.
-
-    Returns
-    -------
-    EquationTerms
-
-    Raises
-    ------
-    InputError
-        If it is not one of `EQUATION_TERMS`.
-    """
+    """Return what computes Coriolis matrix and gravity by a method."""
     if not isinstance(method, str) or method not in EQUATION_TERMS:
         raise InputError(f"method: expected {' or '.join(map(repr, EQUATION_TERMS))}, got {shown(method)}")
     return EQUATION_TERMS[method]

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from p3dof._base.algebra import BLOCK
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.samples import raise_not_finite
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof._base.tracing.python import function_of
 from p3dof.closed_form.compiled.formulas import MODEL
-from p3dof.closed_form.compiled.friction import loss_by_lengths
+from p3dof.closed_form.compiled.kernels import loss_by_lengths
 from p3dof.closed_form.compiled.reduced import (
     Actuated,
     Model,
@@ -54,7 +54,7 @@ LENGTHS = ("r", "R", "L")
 
 
 @dataclass(frozen=True, eq=False)
-class ForceRegressor:
+class ForceRegressor(Readable):
     """Derivatives of the actuator forces by the parameters; exact, without external loads.
 
     Parameters
@@ -106,17 +106,7 @@ class ForceRegressor:
 
 
 def inertial_parameters(bodies: Bodies) -> FloatArray:
-    """Return the 100 inertial parameters φ of the bodies, in the order of `INERTIAL`.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        The bodies.
-
-    Returns
-    -------
-    ndarray, shape (100,)
-    """
+    """Return the 100 inertial parameters φ of the bodies, in the order of `INERTIAL`."""
     rows = []
     for _, body in tuple(bodies.items()):
         I = body.inertia_about(np.zeros(3))  # noqa: E741 - the inertia
@@ -126,19 +116,7 @@ def inertial_parameters(bodies: Bodies) -> FloatArray:
 
 
 def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
-    """Return how the forces at states depend on the parameters.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    states : States
-        Poses, velocities and accelerations.
-
-    Returns
-    -------
-    ForceRegressor
-    """
+    """Return how the forces at states depend on the parameters."""
     rows, leading = holdable(parameters.geometry, states).states.rows(), states.shape
     q, v, a = rows.pose, rows.velocity, rows.acceleration
     columns = (q[:, 0], q[:, 2], v[:, 0], v[:, 2], a[:, 0], a[:, 1], a[:, 2], q[:, 1])

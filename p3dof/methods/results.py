@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.files import write_table
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import (
+    NONE,
+    ShownInNotebook,
+    Table,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+    time_text,
+)
+from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import LEGS, SLIDES, Limits
-from p3dof.methods.coulomb import CoulombLimits
-from p3dof.methods.exceedances import Exceedance, exceedances_of
-from p3dof.methods.solution import JointStates
-from p3dof.methods.utilisation import Utilisation, utilisations
+from p3dof.machine.parameters import LEGS, SLIDES, Actuators, Limits
+from p3dof.methods.solution import CoulombLimits, JointStates, Later, Solution, later
+from p3dof.methods.utilisation import Exceedance, Utilisation, exceedances_of, utilisations
 
 
 @dataclass(frozen=True, eq=False)
-class InverseDynamics(ShownInNotebook):
+class InverseDynamics(Later, ShownInNotebook):
     """Actuator forces over a motion, with the evidence that they are right.
+
+    What forces do not need (joints, power, evidence other than `actuation`) is found when it is first asked
+    for, where a method finds it apart.
 
     Parameters
     ----------
@@ -42,7 +54,7 @@ class InverseDynamics(ShownInNotebook):
     power : ndarray, shape (N,)
         Power of the actuators [W].
     power_residual : ndarray, shape (N,)
-        Power of actuators and external wrench less what friction takes and less the rate of change of
+        Power of actuators and external wrench less friction losses and less the rate of change of
         kinetic and potential energy, which is summed body by body, Σ v·m(a-g) + ω·(Iα + ω×Iω) [W].
     dissipation : ndarray, shape (N,)
         Power lost in friction [W].
@@ -121,7 +133,7 @@ class InverseDynamics(ShownInNotebook):
     def nut_forces(self) -> FloatArray:
         """Forces that screws pass on to the sliders, shape (N, 3) [N]: without what armatures take.
 
-        Nor have they what screws lose, if friction by load has any of it.
+        Nor have they what screws lose, if load-dependent friction has any of it.
         """
         forces = self.forces - self.armature * self.slider_accelerations
         if self.coulomb is None or self.coulomb.screws is None:
@@ -136,7 +148,7 @@ class InverseDynamics(ShownInNotebook):
 
     @property
     def possible(self) -> bool:
-        """Whether every sample is valid: else the machine cannot make the motion."""
+        """Whether every sample is valid: else the machine cannot perform the motion."""
         return bool(self.valid.all())
 
     @property
@@ -236,11 +248,6 @@ class InverseDynamics(ShownInNotebook):
         path : path-like
             The file; replaced whole or not at all.
 
-        Returns
-        -------
-        Path
-            The path written.
-
         Raises
         ------
         FileError
@@ -264,3 +271,113 @@ class InverseDynamics(ShownInNotebook):
             self.power_residual,
         )
         return write_table(path, header, columns)
+
+
+def with_evidence(
+    method: str,
+    motion: Motion,
+    solution: Solution,
+    wrench: FloatArray | None,
+    crossings: FloatArray | None = None,
+    examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
+    coulomb: CoulombLimits | None = None,
+    actuators: Actuators | None = None,
+) -> InverseDynamics:
+    """Return the result; its evidence, and the balance of power, are found when they are first asked for."""
+    return later(
+        InverseDynamics,
+        partial(_found, solution, motion, wrench, actuators),
+        method=method,
+        motion=motion,
+        forces=solution.forces,
+        actuation=solution.actuation,
+        crossings=np.zeros(0) if crossings is None else crossings,
+        examine=examine,
+        coulomb=coulomb,
+    )
+
+
+def _found(
+    solution: Solution, motion: Motion, wrench: FloatArray | None, actuators: Actuators | None, name: str
+) -> dict[str, Any]:
+    """Return what a result has by name."""
+    if name in ("joints", "closure_error", "dissipation"):
+        return {name: getattr(solution, name)}
+    if name == "armature":
+        return {name: np.zeros(3) if actuators is None else actuators.rotors}
+    if name == "wrench":
+        return {name: np.zeros((len(motion), 6)) if wrench is None else wrench}
+    return _balanced(solution, motion, wrench)
+
+
+def _balanced(solution: Solution, motion: Motion, wrench: FloatArray | None) -> dict[str, FloatArray]:
+    """Balance the power of actuators and wrench with the losses and the rate of change of the energy."""
+    speeds = solution.joints.columns(SLIDES).v if solution.speeds is None else solution.speeds
+    power = _rows_dot(solution.forces, speeds)
+    given = power.copy()
+    if wrench is not None:
+        given += _rows_dot(wrench[:, WRENCH_ROWS], motion.velocity)
+    given -= solution.dissipation
+    given -= solution.energy_rate
+    return {"power": power, "power_residual": given}
+
+
+def _rows_dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the products of rows of three, added as NumPy's sum adds them, (N,)."""
+    return np.asarray(a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2])
+
+
+def forces_table(result: InverseDynamics) -> Table:
+    """Return lowest, highest and RMS force of each actuator, with armatures of each nut too."""
+    rows = {
+        leg: (result.forces[:, k].min(), result.forces[:, k].max(), result.rms_forces[k])
+        for k, leg in enumerate(LEGS)
+    }
+    if result.armature.any():
+        nuts = result.nut_forces
+        rows |= {
+            f"nut {leg}": (nuts[:, k].min(), nuts[:, k].max(), mean)
+            for k, (leg, mean) in enumerate(zip(LEGS, result.rms_of(nuts), strict=True))
+        }
+    header = ("actuator", "lowest [N]", "highest [N]", "RMS [N]")
+    return table_of(f"Forces, {result.method}", header, rows)
+
+
+def evidence_table(*results: InverseDynamics, seconds: Sequence[float] = ()) -> Table:
+    """Return closure errors and power residuals."""
+    rows = {
+        result.method: [
+            f"{result.closure_error[result.valid].max(initial=0.0):.1e}",
+            f"{np.abs(result.power_residual[result.valid]).max(initial=0.0):.1e}",
+            number(np.abs(result.power).max()),  # NaN in one sample: there is no largest one
+        ]
+        for result in results
+    }
+    header = ["method", "closure error [m]", "power residual [W]", "largest power [W]"]
+    if seconds:
+        header.append("time per sample")
+        for result, each in zip(results, seconds, strict=True):
+            rows[result.method].append(time_text(each / len(result.time)))
+    return table_of("Evidence", header, rows)
+
+
+def limits_table(result: InverseDynamics, limits: Limits) -> Table:
+    """Return how much of each limit the motion uses, and when."""
+    rows = {
+        f"{one.quantity} {one.leg} [{one.unit}]": (
+            number(one.value),
+            number(one.time),
+            number(one.limit),
+            NONE if np.isnan(one.share) else f"{one.share:.1%}",
+        )
+        for one in result.utilisations(limits)
+    }
+    return table_of("Utilisation of limits", ("limit of", "peak", "at t [s]", "limit", "utilisation"), rows)
+
+
+@html_of.register(InverseDynamics)
+def inverse_dynamics_html(result: InverseDynamics) -> str:
+    """Return how a notebook shows forces over a motion, as HTML."""
+    facts = f"by {result.method}, {len(result.time)} samples over {number(result.motion.duration)} s"
+    tables = (forces_table(result), evidence_table(result))
+    return notebook_html("Inverse dynamics", facts, tables, result.warnings)

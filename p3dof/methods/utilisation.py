@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import InputError
+from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import LEGS, Limits
 
 UNITS = {"force": "N", "speed": "m/s", "travel": "m", "tilt": "rad"}
@@ -16,7 +17,7 @@ UNITS = {"force": "N", "speed": "m/s", "travel": "m", "tilt": "rad"}
 
 
 @dataclass(frozen=True)
-class Utilisation:
+class Utilisation(Readable):
     """How much of one limit a motion uses, at the sample where it uses most of it.
 
     Parameters
@@ -103,19 +104,9 @@ def _most_of(
 def time_of_peak(time: FloatArray, values: FloatArray, sample: int) -> float:
     """Return when values peak that are largest or smallest at a sample.
 
-    Parameters
-    ----------
-    time, values : ndarray, shape (N,)
-        Samples.
-    sample : int
-        Which of them is the largest or the smallest.
-
-    Returns
-    -------
-    float
-        That of the vertex of the parabola through the sample and its neighbours; that of the sample itself
-        at an end, beside a value that is not known, at a jump (two samples of one time, but for rounding),
-        and where the three lie on a line [s].
+    That of the vertex of the parabola through the sample and its neighbours; that of the sample itself at an
+    end, beside a value that is not known, at a jump (two samples of one time, but for rounding), and where
+    the three lie on a line [s].
     """
     when = float(time[sample])
     if not 0 < sample < len(time) - 1:
@@ -130,3 +121,59 @@ def time_of_peak(time: FloatArray, values: FloatArray, sample: int) -> float:
         return when
     slope = slopes[0] - bend * before  # at the sample: the parabola is slope * t + bend * t**2
     return when + float(np.clip(-slope / (2 * bend), before, after))
+
+
+@dataclass(frozen=True)
+class Exceedance(Readable):
+    """A limit that a motion exceeds.
+
+    Parameters
+    ----------
+    quantity : str
+        ``"travel"``, ``"speed"``, ``"force"`` or ``"tilt"``.
+    leg : str
+        ``"A"``, ``"B"``, ``"C"``, or ``"platform"`` for the tilt.
+    time : float
+        When it is exceeded the most [s].
+    value, limit : float
+        The value then, and the limit [m, m/s, N or rad].
+    """
+
+    quantity: str
+    leg: str
+    time: float
+    value: float
+    limit: float
+
+    _UNITS = {"travel": "m", "speed": "m/s", "force": "N", "tilt": "rad"}  # noqa: RUF012 - not a field
+
+    def __str__(self) -> str:
+        unit = self._UNITS[self.quantity]
+        who = self.leg if self.leg == "platform" else f"slider {self.leg}"
+        return (
+            f"{self.quantity} of {who}: {self.value:g} {unit} at t = {self.time:g} s, "
+            f"limit {self.limit:g} {unit}"
+        )
+
+
+def exceedances_of(
+    limits: Limits, motion: Motion, sliders: FloatArray, speeds: FloatArray, forces: FloatArray
+) -> list[Exceedance]:
+    """Return the limits that samples exceed, each at its worst; empty when the machine can do it."""
+    if not isinstance(limits, Limits):
+        raise InputError(f"limits: expected Limits, got {type(limits).__name__}")
+    columns: list[tuple[str, str, FloatArray, float, float]] = []
+    for leg, name in enumerate(LEGS):
+        columns.append(("travel", name, sliders[:, leg], *limits.travel))
+        columns.append(("speed", name, speeds[:, leg], -limits.speed, limits.speed))
+        columns.append(("force", name, forces[:, leg], -limits.force, limits.force))
+    columns.append(("tilt", "platform", motion.pose[:, 2], *limits.tilt))
+    found = []
+    for quantity, name, values, low, high in columns:
+        excess = np.nan_to_num(np.maximum(values - high, low - values), nan=-np.inf)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
+            value = float(values[worst])
+            limit = high if value > high else low
+            found.append(Exceedance(quantity, name, float(motion.time[worst]), value, limit))
+    return found

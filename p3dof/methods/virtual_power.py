@@ -13,26 +13,18 @@ from p3dof._base.samples import raise_not_finite
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.kinematics import Placed
 from p3dof.closed_form.paper import friction
-from p3dof.closed_form.paper.actuators import actuation_of
-from p3dof.closed_form.paper.friction import losses_of
+from p3dof.closed_form.paper.friction import actuation_of, losses_of
 from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import Parameters
-from p3dof.methods import equations_of_motion
+from p3dof.methods import closed_form
 from p3dof.methods.closed_form import placed_in_blocks, solve_with
-from p3dof.methods.coulomb import CoulombLimits
-from p3dof.methods.solution import Solution
+from p3dof.methods.solution import CoulombLimits, Solution
 
 
 class VirtualPowerMethod:
-    """Forces and equations of motion by the paper's virtual powers; doors as `DynamicsMethod` has them.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    """
+    """Forces and equations of motion by the paper's virtual powers; doors as `DynamicsMethod` has them."""
 
     one = None
 
@@ -55,7 +47,7 @@ class VirtualPowerMethod:
 
     def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""
-        return written(equations_of_motion.forward_dynamics(self._parameters, states), out)
+        return written(closed_form.forward_dynamics(self._parameters, states), out)
 
     def jacobian(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3)."""
@@ -63,24 +55,11 @@ class VirtualPowerMethod:
 
     def mass_matrix(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the mass matrix in y, z, θ, (..., 3, 3)."""
-        return written(equations_of_motion.mass_matrix(self._parameters, states), out)
+        return written(closed_form.mass_matrix(self._parameters, states), out)
 
 
 def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:
-    """Return the actuator forces at states that were looked at.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    placed : Placed
-        The states; rows of NaN give NaN.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Forces of the actuators [N]; what overflows is not finite.
-    """
+    """Return the actuator forces at states that were looked at; ndarray, shape (..., 3)."""
     states = placed.states
     shape, wrench = states.shape, states.wrench
     loads = np.zeros((*shape, 6)) if wrench is None else wrench
@@ -107,29 +86,7 @@ def forces_at(parameters: Parameters, placed: Placed) -> FloatArray:
 def forces_against(
     parameters: Parameters, states: States, coulomb: CoulombLimits
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what actuators need more because of Coulomb friction that differs from sample to sample.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    states : States
-        N states.
-    coulomb : CoulombLimits
-        At the same states.
-
-    Returns
-    -------
-    forces : ndarray, shape (N, 3)
-        [N]
-    power : ndarray, shape (N,)
-        Power that is lost [W].
-
-    Raises
-    ------
-    ReachError, SingularityError, InputError
-        As `forces_at`.
-    """
+    """Return what actuators need more because of Coulomb friction that differs from sample to sample."""
     forces, power = np.empty((len(states.pose), 3)), np.empty(len(states.pose))
     for block, placed in placed_in_blocks(parameters, states):
         limits = {name: tuple(values[block].T) for name, values in coulomb.limits.items()}

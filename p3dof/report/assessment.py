@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,106 +12,48 @@ import numpy as np
 
 from p3dof._base.checks import shown
 from p3dof._base.errors import InputError
-from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.tables import number, percent
 from p3dof.analysis.reactions import how_chosen, names_table, reactions_table
 from p3dof.design.assessment import Assessment, as_result, short
 from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
 from p3dof.design.bearings import bearings_table, guides_table, rods_table
+from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
 from p3dof.design.drives import axes_table, ranking_table, ratings_table
-from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, pieces_table
-from p3dof.design.task_limits import sizing_table
-from p3dof.design.task_loads import without_jumps
+from p3dof.design.fastest import sizing_table
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, pieces_table, without_jumps
 from p3dof.machine.motion import motion_table
 from p3dof.machine.parameters import parameter_tables, payload_table
 from p3dof.manipulator import Manipulator
 from p3dof.methods import limits_table
 from p3dof.report import plots
-from p3dof.report.figures import Picture, picture
 from p3dof.report.plots.mechanism import mechanism_figure
-from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
+from p3dof.report.templates import Heading, Picture, picture, rendered, template, write_report
 
 _ALTERNATIVES = 8
 
 
 @dataclass(frozen=True)
 class AssessmentPictures:
-    """The pictures of the report on an assessment.
+    """The pictures of the report on an assessment."""
 
-    Parameters
-    ----------
-    mechanism, used, forces : Picture
-        The machine, how much of the ratings is used, and forces over the cycle.
-    task, drives : Picture or None
-        Of a task; of drives, if some were chosen.
-    """
-
-    mechanism: Picture
+    mechanism: Picture  # the machine, how much of the ratings is used, and forces over the cycle
     used: Picture
     forces: Picture
-    task: Picture | None
+    task: Picture | None  # of a task; of drives, if some were chosen
     drives: Picture | None
 
 
-def render_assessment(
-    found: Assessment,
-    *,
-    title: str | None = None,
-    about: Mapping[str, str] | None = None,
-    command: str | None = None,
-    page: str | None = None,
-    picture: bytes | None = None,
-    date: datetime | None = None,
-) -> str:
-    """Return the report on an assessment as one HTML page that loads nothing from elsewhere.
+def render_assessment(found: Assessment, **heading: Any) -> str:
+    """Return the report on an assessment as one HTML page that loads nothing from elsewhere; the page.
 
-    Its first lines say whether the machine fits, which rating is worst, when, where and by how much.
-
-    Parameters
-    ----------
-    found : Assessment
-        Of `p3dof.assess`.
-    title : str, optional
-        Heading of the page; the name of the assessment by default.
-    about : mapping of str to str, optional
-        What else its head should tell, such as where machine and task come from.
-    command : str, optional
-        How to make this report again.
-    page : str, optional
-        A page that shows the motion, put into a frame; see `moving_page`.
-    picture : bytes, optional
-        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of that page.
-    date : datetime, optional
-        When it was made; now by default.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    InputError
-        If an argument does not fit.
-    MissingExtraError
-        If Jinja2 or matplotlib is not installed.
+    Its first lines say whether the machine fits, which rating is worst, when, where and by how much. Around
+    the numbers stand ``title``, ``about``, ``command``, ``page``, ``picture`` and ``date``.
     """
     if not isinstance(found, Assessment):
         raise InputError(f"found: expected an Assessment, got {shown(found)}")
     page_of = template("assessment.html.j2")
-    texts(title=title, command=command, page=page)
-    words: dict[str, Any] = {
-        "title": found.name if title is None else title,
-        "about": dict(about or {}),
-        "command": command,
-        "page": page,
-        "picture": None if picture is None else data_uri(picture),
-        "date": dated(date),
-        "versions": versions(),
-        **_answer(found),
-        **_content(found),
-    }
-    return rendered(page_of, words)
+    words = Heading(**heading).words(found.name)
+    return rendered(page_of, words | _answer(found) | _content(found))
 
 
 def write_assessment(path: str | os.PathLike[str], found: Assessment, **options: Any) -> Path:
@@ -127,11 +68,6 @@ def write_assessment(path: str | os.PathLike[str], found: Assessment, **options:
     **options
         As of `render_assessment`.
 
-    Returns
-    -------
-    Path
-        The path written.
-
     Raises
     ------
     InputError
@@ -141,30 +77,11 @@ def write_assessment(path: str | os.PathLike[str], found: Assessment, **options:
     MissingExtraError
         If Jinja2 or matplotlib is not installed, or playwright or a browser for a PDF.
     """
-    return write_report(path, render_assessment(found, **options))
-
-
-def write_report(path: str | os.PathLike[str], text: str) -> Path:
-    """Write a page of this room to a file, as HTML or printed to a PDF."""
-    if suffix_of(path, "report") != ".pdf":
-        return write_atomic(path, text)
-    from p3dof.viewer.headless import pdf_of
-
-    return write_atomic(path, pdf_of(text))
+    return write_report(path, lambda: render_assessment(found, **options))
 
 
 def moving_page(found: Assessment) -> Any:
-    """Return the page in which the machine moves over the cycle, with the loads of its joints if known.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-
-    Returns
-    -------
-    p3dof.viewer.document.Page
-    """
+    """Return the page in which the machine moves over the cycle, with the loads of its joints if known."""
     reactions = found.reactions
     if reactions is not None and isinstance(found.found, TaskForces):
         reactions = without_jumps(reactions, found.found.plan)
@@ -180,7 +97,7 @@ def _answer(found: Assessment) -> dict[str, Any]:
         "reason": found.reason,
         "unchecked": found.unchecked,
         "chosen": None if found.drives is None else found.drives.drives[0].name,
-        "energy": f"{short(given)} J given, {short(back)} J taken back {where}",
+        "energy": f"{short(given)} J supplied, {short(back)} J regenerated {where}",
         "key": {
             "used most": f"{one.name} of {one.part}: {percent(one.share)}",
             "when": one.when,
@@ -245,7 +162,7 @@ def _agreement(found: Assessment) -> str:
             given = found.found
             both.append(found.robot.inverse_dynamics(given.motion, wrench=given.wrench, method=method).forces)
     results = found.found.results if isinstance(found.found, TaskForces) else (found.found,)
-    apart = ", without the friction that grows with loads" * any(one.coulomb is not None for one in results)
+    apart = ", without load-dependent friction" * any(one.coulomb is not None for one in results)
     gap, most = float(np.abs(both[0] - both[1]).max()), float(np.abs(both[1]).max())
     told = (
         f"Pinocchio and virtual powers differ by {gap:.1e} N at most, {gap / most:.1e} of the largest force"
@@ -268,8 +185,8 @@ def _pictures(found: Assessment) -> AssessmentPictures:
         ),
         used=picture(
             plots.utilisation_figure(found),
-            f"Bars of how much of each rating is used. {found.verdict}.",
-            "How much of each rating is used, by axis.",
+            f"Bars of the utilisation of each rating. {found.verdict}.",
+            "Utilisation of each rating, by axis.",
         ),
         forces=picture(
             plots.axis_forces_figure(found),
@@ -294,7 +211,56 @@ def _pictures(found: Assessment) -> AssessmentPictures:
                 plots.drives_figure(found.drives, found.cycle),
                 "Torque over speed of each motor within its curves.",
                 "Torque over speed: the cycle is the curve, its root mean square the dot; the curve must "
-                "stay in the light field, the dot in the dark one.",
+                "stay in the light area, the dot in the dark one.",
             )
         ),
     )
+
+
+_TITLE = "Designs side by side"
+
+
+def render_designs(found: Sequence[DesignComparison], **heading: Any) -> str:
+    """Return comparisons of designs as one HTML page that loads nothing from elsewhere; the page.
+
+    Around the numbers stand ``title``, ``about``, ``command`` and ``date``.
+    """
+    if not found or not all(isinstance(one, DesignComparison) for one in found):
+        raise InputError(f"found: expected DesignComparison objects, got {shown(found)}")
+    page_of = template("designs.html.j2")
+    words = Heading(**heading).words(_TITLE)
+    told = {one.name: assumptions(one) for part in found for one in part.assessments}
+    common = [
+        (topic, value)
+        for topic, value in next(iter(told.values())).items()
+        if all(other.get(topic) == value for other in told.values())
+    ]
+    own = [
+        (name, {topic: value for topic, value in one.items() if (topic, value) not in common})
+        for name, one in told.items()
+    ]
+    words["parts"] = [_part(one) for one in found]
+    words["assumptions"] = [("All of them", dict(common)), *(pair for pair in own if pair[1])]
+    return rendered(page_of, words)
+
+
+def write_designs(path: str | os.PathLike[str], found: Sequence[DesignComparison], **options: Any) -> Path:
+    """Write comparisons of designs to a file; the path written."""
+    return write_report(path, lambda: render_designs(found, **options))
+
+
+def _part(found: DesignComparison) -> dict[str, Any]:
+    names = ", ".join(found.names)
+    return {
+        "title": found.title,
+        "fits": all(one.fits for one in found.assessments),
+        "verdicts": [(one.name, one.verdict, one.unchecked) for one in found.assessments],
+        "table": comparison_table(found),
+        "ratings": verdicts_table(found),
+        "picture": picture(
+            plots.comparison_figure(found),
+            f"Forces and speeds of A, B and C over time, of {names}.",
+            "Forces and speeds of the sliders, overlaid.",
+        ),
+        "warnings": [(one.name, one.warnings) for one in found.assessments],
+    }

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import InputError
-from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.samples import OnInvalid
 from p3dof.analysis.energy import Energy, balance_table, bodies_table, drives_table
 from p3dof.analysis.reactions import (
@@ -31,37 +28,21 @@ from p3dof.machine.motion import Motion, WrenchOverTime, motion_table
 from p3dof.machine.parameters import LEGS, parameter_tables, payload_table
 from p3dof.manipulator import Manipulator
 from p3dof.methods import evidence_table, limits_table
-from p3dof.methods.comparison import Comparison
-from p3dof.methods.comparison_tables import agreement_table
-from p3dof.report.figures import Pictures, pictures_of
-from p3dof.report.templates import data_uri, dated, rendered, template, texts, versions
+from p3dof.methods.comparison import Comparison, agreement_table
+from p3dof.report.templates import Heading, Pictures, pictures_of, rendered, template, write_report
 
 TITLE = "Inverse dynamics of a 3-DOF spatial parallel manipulator"
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """What a report tells about a motion.
+    """What a report tells about a motion."""
 
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine.
-    motion : Motion
-        Its motion.
-    comparison : Comparison
-        The forces by Pinocchio, by virtual powers and by the kernels.
-    energy : Energy
-        Of the forces by Pinocchio.
-    reactions : Reactions or ReactionsComparison
-        In all joints.
-    """
-
-    robot: Manipulator
-    motion: Motion
-    comparison: Comparison
-    energy: Energy
-    reactions: AnyReactions
+    robot: Manipulator  # the machine
+    motion: Motion  # its motion
+    comparison: Comparison  # the forces by Pinocchio, by virtual powers and by the kernels
+    energy: Energy  # of the forces by Pinocchio
+    reactions: AnyReactions  # in all joints
 
 
 def render(
@@ -69,73 +50,23 @@ def render(
     motion: Motion,
     wrench: WrenchOverTime = None,
     on_invalid: OnInvalid = "raise",
-    title: str | None = None,
-    about: Mapping[str, str] | None = None,
-    command: str | None = None,
-    page: str | None = None,
-    date: datetime | None = None,
+    *,
+    comparison: Comparison | None = None,
     progress: Progress | None = None,
+    reactions: AnyReactions | None = None,
     joints: Choice = ALL,
     stiffness: Stiffness | None = None,
-    picture: bytes | None = None,
-    comparison: Comparison | None = None,
-    reactions: AnyReactions | None = None,
+    **heading: Any,
 ) -> str:
-    """Return the report on a motion as one HTML page that loads nothing from elsewhere.
+    """Return the report on a motion as one HTML page that loads nothing from elsewhere; the page.
 
-    Parameters
-    ----------
-    robot : Manipulator
-        The machine.
-    motion : Motion
-        Its motion.
-    wrench : array-like, shape (6,) or (N, 6), or callable, optional
-        External force and moment on the platform at P, as for `Manipulator.inverse_dynamics` [N, N m].
-    on_invalid : {"raise", "nan"}
-        Raise for samples that are out of reach or singular, or leave them out.
-    title : str, optional
-        Heading of the page; `TITLE` by default.
-    about : mapping of str to str, optional
-        What else its head should tell, such as where machine and motion come from.
-    command : str, optional
-        How to make this report again.
-    page : str, optional
-        A page that shows the motion, such as ``robot.page(motion).html``; it is put into a frame of the
-        report, where instants in tables lead to.
-    date : datetime, optional
-        When it was made; now by default.
-    progress : callable, optional
-        Called with (done, total) while Pinocchio solves.
-    joints : {"all", "elastic", "paper", "points"}
-        How loads are found that rigid bodies leave open; see `p3dof.analysis.reactions`.
-    stiffness : Stiffness, optional
-        How joints and rods give way; guesses by default.
-    picture : bytes, optional
-        A picture of the machine (PNG), for paper, where nothing moves; it takes the place of that page.
-    comparison : Comparison, optional
-        What `robot.compare` found of this motion and load, if it is known already.
-    reactions : Reactions or ReactionsComparison, optional
-        Likewise, of the joints; `joints` and `stiffness` are not asked then.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    ReachError, SingularityError, SampleError
-        Naming the first bad sample.
-    InputError
-        If an argument does not fit, or no sample of the motion is valid.
-    MissingExtraError
-        If Jinja2 or matplotlib is not installed.
+    With a comparison or reactions that are known, what they are made from is not asked for. All else is
+    ``title``, ``about``, ``command``, ``page``, ``picture`` and ``date``, which stand around the numbers.
     """
     page_of = template("report.html.j2")
     if not isinstance(robot, Manipulator):
         raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
-    texts(title=title, command=command, page=page)
-    when = dated(date)
+    words = Heading(**heading).words(TITLE)
     if comparison is None:
         comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)
     elif not isinstance(comparison, Comparison) or comparison.first.motion is not motion:
@@ -146,18 +77,8 @@ def render(
         reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid, stiffness)
     elif not isinstance(reactions, AnyReactions) or reactions.motion is not motion:
         raise InputError("reactions: expected those of this motion")
-    findings = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
-    words: dict[str, Any] = {
-        "title": TITLE if title is None else title,
-        "about": dict(about or {}),
-        "command": command,
-        "page": page,
-        "picture": None if picture is None else data_uri(picture),
-        "date": when,
-        "versions": versions(),
-        **_content(findings),
-    }
-    return rendered(page_of, words)
+    found = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)
+    return rendered(page_of, words | _content(found))
 
 
 def write(
@@ -172,11 +93,6 @@ def write(
     robot, motion, *args, **options
         As for `render`.
 
-    Returns
-    -------
-    Path
-        The path written.
-
     Raises
     ------
     InputError
@@ -188,13 +104,7 @@ def write(
     P3dofError
         As `render`.
     """
-    printed = suffix_of(path, "report") == ".pdf"
-    text = render(robot, motion, *args, **options)
-    if not printed:
-        return write_atomic(path, text)
-    from p3dof.viewer.headless import pdf_of
-
-    return write_atomic(path, pdf_of(text))
+    return write_report(path, lambda: render(robot, motion, *args, **options))
 
 
 def _content(findings: Findings) -> dict[str, Any]:

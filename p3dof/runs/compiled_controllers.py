@@ -1,4 +1,4 @@
-"""The controllers of the package for runs in C, which need no Python on the way.
+"""The controllers of the package for runs of the machine in C, which need no Python on the way.
 
 At a rate each has a table with a row a tick: what the motion to follow asks for, which is known before the
 run. Acting all the time it has the motion itself, in pieces of polynomials.
@@ -7,83 +7,51 @@ run. Acting all the time it has the motion itself, in pieces of polynomials.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray
+from p3dof._base.samples import OnInvalid
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled.formulas import is_symmetric
 from p3dof.closed_form.compiled.lanes import lane_kernel
 from p3dof.closed_form.compiled.reduced import model_of
-from p3dof.closed_form.compiled.reduced.friction import friction_numbers
+from p3dof.closed_form.compiled.reduced.dynamics import friction_numbers
 from p3dof.closed_form.compiled.runs import Controller
 from p3dof.machine.motion import states_of
-from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters import Geometry, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.runs.controllers import PD, ComputedTorque, Feedforward, Springs
-from p3dof.runs.task import Task
+from p3dof.runs.settings import EDGE, ControlLoop
 
-MOST_TICKS = 2_000_000
-"""Longer runs ask Python at every tick, for want of memory."""
+_KEPT = 100_000  # ticks of a table that is kept for other runs: 7 MB; of longer ones, parts are made
 
-_KEPT = 100_000
-"""Ticks of a table that is kept for other runs: 7 MB."""
+_PART = 20_000  # ticks of a part
 
 _TABLES: WeakKeyDictionary[PD, tuple[tuple[object, ...], FloatArray]] = WeakKeyDictionary()
 
 _NO_MODEL: tuple[FloatArray, ...] = (np.zeros(0),) * 3
 
 
-def has_table(task: Task) -> bool:
-    """Return whether a controller that acts at a rate needs no Python.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked for.
-
-    Returns
-    -------
-    bool
-    """
-    controller, rate = task.controller, task.control.rate
-    if rate is None or type(controller) not in (PD, Feedforward, ComputedTorque, Springs):
-        return False
-    return bool(task.times[-1] * rate < MOST_TICKS)
+def has_table(controller: Any, control: ControlLoop) -> bool:
+    """Return whether a controller that acts at a rate needs no Python."""
+    return control.rate is not None and type(controller) in (PD, Feedforward, ComputedTorque, Springs)
 
 
-def follows(task: Task) -> bool:
-    """Return whether a controller that acts all the time needs no Python, and a motion.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked for.
-
-    Returns
-    -------
-    bool
-    """
-    return task.control.rate is None and type(task.controller) in (PD, Feedforward, ComputedTorque)
+def follows(controller: Any, control: ControlLoop) -> bool:
+    """Return whether a controller that acts all the time needs no Python, and a motion."""
+    return control.rate is None and type(controller) in (PD, Feedforward, ComputedTorque)
 
 
-def controller_of(task: Task, largest: FloatArray) -> Controller:
-    """Return the controller of a task that `has_table` or `follows`.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked for.
-    largest : ndarray, shape (3,)
-        Where forces are cut off [N].
-
-    Returns
-    -------
-    Controller
-    """
-    control, controller, endless = task.control, task.controller, np.full(3, math.inf)
+def in_c(
+    controller: Any, control: ControlLoop, end: float, geometry: Geometry, largest: FloatArray
+) -> Controller:
+    """Return a controller that `has_table` or `follows`, until the end of a run [s]."""
+    endless = np.full(3, math.inf)
     sigma = (0.0, 0.0) if control.noise is None else (control.noise.position, control.noise.velocity)
     counts = np.broadcast_to(np.asarray(control.resolution), 3)
     numbers = [*_gains(controller, control.period), largest, counts, np.array(sigma), endless]
@@ -98,18 +66,25 @@ def controller_of(task: Task, largest: FloatArray) -> Controller:
     huge = controller.huge if isinstance(controller, Feedforward | ComputedTorque) else math.inf
     ideal = False
     if isinstance(controller, ComputedTorque) and control.encoders() is None:
-        ideal = controller.model.geometry == task.machine.parameters.geometry
+        ideal = controller.model.geometry == geometry
     settings = np.array([*flags, integrating, symmetric, huge, rough, forward, ideal], dtype=float)
     if control.rate is None and isinstance(controller, PD):
         none: FloatArray = np.zeros(0)
         return Controller(settings, given, none, none, model, _followed(controller))
-    count = math.ceil(float(task.times[-1]) / control.period - 1e-9)
-    times: FloatArray = np.arange(max(count, 1), dtype=float) * control.period
-    noise: FloatArray = np.zeros(0)
-    if control.noise is not None:
-        noise = np.random.default_rng(control.noise.seed).standard_normal(6 * len(times))
-    table = _table(controller, times, control.period / 2).ravel()
-    return Controller(settings, given, table, noise, model)
+    count = math.ceil(end / control.period - EDGE)
+    parts = _parts(controller, control, max(count, 1))
+    table, noise = next(parts)
+    return Controller(settings, given, table, noise, model, later=parts if count > _KEPT else None)
+
+
+def _parts(controller: object, control: ControlLoop, count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield table and noise of so many ticks: all at once, or part by part of a long run."""
+    random = None if control.noise is None else np.random.default_rng(control.noise.seed)
+    size, none = count if count <= _KEPT else _PART, np.zeros(0)
+    for first in range(0, count, size):
+        times = np.arange(first, min(first + size, count), dtype=float) * control.period
+        noise = none if random is None else random.standard_normal(6 * len(times))
+        yield _table(controller, times, control.period / 2, size == count).ravel(), noise
 
 
 @lru_cache(maxsize=16)
@@ -150,34 +125,33 @@ def _gains(controller: object, period: float) -> list[FloatArray]:
     return [gain, damping, np.full(3, period / controller.integral_time), controller.holding, none, none]
 
 
-def _table(controller: object, times: FloatArray, half: float) -> FloatArray:
-    """Return what a controller follows, a row of nine a tick; NaN where a model has no answer.
-
-    That of its last run is kept with a controller: many runs differ in their machine only.
-    """
+def _table(controller: object, times: FloatArray, half: float, keep: bool) -> FloatArray:
+    """Return rows of nine a tick of what a controller follows, kept with it; NaN without an answer."""
     if not isinstance(controller, PD):
         return np.zeros(0)
+    if not keep:
+        return table_of(controller, times, half)
     made_of = controller.model, controller.reference, controller.holding.tobytes(), len(times), half
     known = _TABLES.get(controller)
     if known is not None and all(a is b or a == b for a, b in zip(known[0], made_of, strict=True)):
         return known[1]
-    table = _new_table(controller, times, half)
+    table = table_of(controller, times, half)
     table.setflags(write=False)
-    if len(times) <= _KEPT:
-        _TABLES[controller] = made_of, table
+    _TABLES[controller] = made_of, table
     return table
 
 
-def _new_table(controller: PD, times: FloatArray, half: float) -> FloatArray:
+def table_of(controller: PD, times: FloatArray, half: float, on_invalid: OnInvalid = "nan") -> FloatArray:
+    """Return what a controller follows, a row of nine a tick, forces being those of half a period later."""
     model, reference = controller.model, controller.reference
     pose, velocity = reference.derivative(times, 0), reference.derivative(times, 1)
     if isinstance(controller, ComputedTorque):
         return np.hstack([pose, velocity, reference.derivative(times + half, 2)])
-    sliders = kinematics.inverse_kinematics(model.geometry, pose, on_invalid="nan").sliders
-    J = kinematics.inverse_jacobian(model.geometry, pose, on_invalid="nan")
+    sliders = kinematics.inverse_kinematics(model.geometry, pose, on_invalid=on_invalid).sliders
+    J = kinematics.inverse_jacobian(model.geometry, pose, on_invalid=on_invalid)
     rates = np.einsum("nij,nj->ni", J, velocity)
     base = np.broadcast_to(controller.holding, pose.shape)
     if isinstance(controller, Feedforward):
-        ahead = reference.over(times + half)
-        base = VirtualPowerMethod(model).forces(states_of(*ahead, on_invalid="nan"))
+        ahead = states_of(*reference.over(times + half), on_invalid=on_invalid)
+        base = VirtualPowerMethod(model).forces(ahead)
     return np.hstack([base, sliders, rates])

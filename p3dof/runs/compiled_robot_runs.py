@@ -1,62 +1,284 @@
-"""Runs of any robot in C: what of a run has a compiled form, and the run by it.
+"""What of a run of any robot has a form in C: controllers, steps and what moves a robot by them.
 
-Compiled are both schemes under forces that are held or stay, constant wrenches, limits of joints. `JointPD`,
-`JointFeedforward` and `JointComputedTorque` act in C; other controllers, and encoders with errors, are called
-at their rate. The steps of rk4 project the closures, so that no stabilisation is needed; those of DOP853 are
-SciPy's on the same stabilised equations. Where the compiled dynamics is not to be trusted, the robot itself
-is asked for the rates of adaptive steps; else there is no run, and the robot's own way has to make it.
+`JointPD`, `JointFeedforward` and `JointComputedTorque` act in C; other controllers, and encoders with errors,
+are called at their rate. The steps of rk4 project the closures, so that no stabilisation is needed; those of
+DOP853 are SciPy's on the same stabilised equations. Where the compiled dynamics is not to be trusted, the
+robot itself is asked for the rates of adaptive steps; else the run has to be made in Python.
 """
 
 from __future__ import annotations
 
-import time as clock
-from collections.abc import Callable
-from typing import Any, NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, Progress
-from p3dof._base.errors import ControllerError, P3dofError
+from p3dof._base.checks import FloatArray
+from p3dof._base.errors import P3dofError
 from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.batch.linear import IndexArray
 from p3dof.loops.compiled import runs
-from p3dof.loops.compiled.runs import Limited
-from p3dof.loops.compiling_model import ENOUGH
-from p3dof.runs.actuation import Actuation
-from p3dof.runs.integration import Recording
+from p3dof.loops.compiled.adaptive import Adaptation, AdaptiveRun, CompiledAdaptation, Other
+from p3dof.loops.compiled.kept import ENOUGH
+from p3dof.loops.compiled.runs import CompiledRuns, Limited, StepPlan
 from p3dof.runs.joint_controllers import JointComputedTorque, JointFeedforward, JointPD
-from p3dof.runs.margins import Stop
-from p3dof.runs.plants import ConstrainedPlant
-from p3dof.runs.robot_loads import Loads
-from p3dof.runs.robot_margins import RobotMargins
-from p3dof.runs.robot_movers import AdaptiveSteps, Course, EqualSteps, Mover
-from p3dof.runs.settings import ControlLoop, Integration
-from p3dof.runs.step_plans import ticks_of
+from p3dof.runs.margins import RobotMargins
+from p3dof.runs.settings import EDGE
 
-_NEAR_DEPENDENT = 1e-3
-"""Room to dependent closures below which their margin has to be watched all the way."""
-_CHUNK = 500
-"""Ticks, or steps, between two looks at Ctrl-C."""
+
+def step_plan(
+    times: FloatArray, period: float, step: float, kinks: FloatArray
+) -> tuple[StepPlan, FloatArray]:
+    """Return the steps of a run, those of `p3dof.runs.integration`, and the times of the ticks."""
+    edges, tick_edges = ticks_of(times, period, kinks)
+    slack = _slack(times, period)
+    ticks = edges[:-1][tick_edges.astype(bool)]
+    end = float(times[-1])
+    lengths = np.diff(edges)
+    counts = np.maximum(1, np.ceil(lengths / step - EDGE)).astype(int)
+    begins = np.repeat(edges[:-1], counts)
+    within = np.arange(len(begins)) - np.repeat(np.cumsum(counts) - counts, counts)
+    time = np.append(begins + within * np.repeat(lengths / counts, counts), end)
+    tick = np.zeros(len(begins), dtype=np.uint8)
+    tick[(np.cumsum(counts) - counts)[tick_edges.astype(bool)]] = 1
+    place = np.clip(np.searchsorted(time, times + slack, side="right") - 1, 0, len(time) - 1)
+    share = times - time[place]
+    inside = (share > slack) & (place < len(begins))
+    lengths_at = np.diff(np.append(time, np.inf))[place]
+    share = np.where(inside, share / lengths_at, 0.0)
+    return StepPlan(time, tick, place.astype(np.intp), share), ticks
+
+
+def ticks_of(times: FloatArray, period: float, kinks: FloatArray) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """Return when steps must end (K + 1,), the beginning first, and at which of them are ticks (K,)."""
+    end, slack = float(times[-1]), _slack(times, period)
+    ticks: FloatArray = np.zeros(1)
+    if period:
+        ticks = np.asarray(period * np.arange(math.ceil(end / period - EDGE)), dtype=float)
+    inner = kinks[(kinks > 0) & (kinks < end)]
+    edges = np.unique(np.concatenate([ticks, inner, [end]]))
+    edges = edges[np.append(True, np.diff(edges) > slack)]
+    edges[-1] = end
+    tick = np.zeros(len(edges) - 1, dtype=np.uint8)
+    tick[np.searchsorted(edges[:-1], ticks - slack)] = 1
+    return edges, tick
+
+
+def _slack(times: FloatArray, period: float) -> float:
+    return max(1e-15 * float(times[-1]), EDGE * period)
+
+
+_EVALUATIONS = 4  # of an equal step
+
+
+class Mover(Protocol):
+    """A run in C that goes on from tick to tick."""
+
+    @property
+    def begins(self) -> IndexArray:
+        """The parts of the run that begin with a tick."""
+
+    @property
+    def parts(self) -> int:
+        """How many parts there are."""
+
+    def when(self, part: int) -> float:
+        """Return when a part begins [s]."""
+
+    def state(self) -> FloatArray:
+        """Return q and v now, (nq + nv,)."""
+
+    def hold(self, forces: FloatArray) -> None:
+        """Ask for forces (n,) from the next tick on."""
+
+    def advance(self, begin: int, count: int, closing: bool, row: int) -> int:
+        """Go on; see `p3dof.loops.compiled.runs.PreparedRuns.advance`."""
+
+    @property
+    def end(self) -> float:
+        """Where it got to [s]."""
+
+    @property
+    def taken(self) -> int:
+        """How many samples there are."""
+
+    @property
+    def past(self) -> Sequence[FloatArray]:
+        """Samples: q, v, a, forces, asked, a row each."""
+
+    @property
+    def evaluations(self) -> int:
+        """Of the equations of motion."""
+
+
+class Course(NamedTuple):
+    """A run for a mover."""
+
+    state: FloatArray  # (nq + nv,): where it starts
+    times: FloatArray  # (S,): of the samples [s]
+    period: float  # how long forces are held [s]; zero for not at all
+    kinks: FloatArray  # (K,): other times at which a step must end [s]
+    given: Mapping[str, FloatArray]  # gains, largest forces, and what else acts
+    rows: Sequence[FloatArray]  # (T, n): what the controller knows of each tick
+    limited: Limited  # where it ends
+    control: int  # what gives the forces
+    other: Other  # what decides where the compiled dynamics is not to be trusted, of adaptive steps
+
+
+class EqualSteps:
+    """A run by equal steps."""
+
+    def __init__(
+        self, compiled: CompiledLoop, model: CompiledLoop | None, course: Course, step: float
+    ) -> None:
+        self._free = list(compiled.independent_places)
+        nq = len(course.state) - compiled.robot.tree.nv
+        self._v = np.array(course.state[nq:])
+        plan, _ = step_plan(course.times, course.period, step, course.kinks)
+        if not course.period:
+            plan.tick[:] = 1  # so that it may go on from anywhere
+        self._plan, self._done = plan, 0
+        given = {**course.given, "q": course.state[None, :nq].copy(), "v": self._v[self._free]}
+        self._runs = runs_of(compiled, model).prepare(
+            plan, given, course.rows, course.limited, course.control, len(course.times) + 1
+        )
+        self.begins: IndexArray = np.flatnonzero(plan.tick)
+        self.parts = len(plan.tick)
+
+    def when(self, part: int) -> float:
+        """Return when a step begins [s]."""
+        return float(self._plan.time[part])
+
+    def state(self) -> FloatArray:
+        """Return q and v now."""
+        return np.concatenate([self._runs.parts[0][0], self._v])
+
+    def hold(self, forces: FloatArray) -> None:
+        """Ask for forces from the next tick on."""
+        self._runs.parts[5][:] = forces
+
+    def advance(self, begin: int, count: int, closing: bool, row: int) -> int:
+        """Take some steps."""
+        runs = self._runs
+        reason = runs.advance(begin, count, closing, row)
+        self._done += count
+        runs.parts[0][0], self._v = runs.out[1][0], runs.out[2][0]
+        runs.parts[1][:] = self._v[self._free]
+        return reason
+
+    @property
+    def end(self) -> float:
+        """Where it got to [s]."""
+        return float(self._runs.out[0][0])
+
+    @property
+    def taken(self) -> int:
+        """How many samples there are."""
+        return int(self._runs.taken[0])
+
+    @property
+    def past(self) -> list[FloatArray]:
+        """Samples."""
+        return [array[0] for array in self._runs.past]
+
+    @property
+    def evaluations(self) -> int:
+        """Of the equations of motion."""
+        return _EVALUATIONS * self._done
+
+
+class AdaptiveSteps:
+    """A run by adaptive steps."""
+
+    def __init__(
+        self,
+        compiled: CompiledLoop,
+        model: CompiledLoop | None,
+        course: Course,
+        steps: tuple[float, float, float, float],
+    ) -> None:
+        edges, tick = ticks_of(course.times, course.period, course.kinks)
+        how = Adaptation(edges, tick, course.times, course.period, *steps)
+        continuous = course.control > 0 and not course.period
+        self._edges = edges
+        self._run = AdaptiveRun(
+            adaptation_of(compiled, model),
+            how,
+            course.state.copy(),
+            course.given,
+            course.rows,
+            course.limited,
+            course.control,
+            continuous,
+            course.other,
+        )
+        self.begins: IndexArray = np.flatnonzero(tick)
+        self.parts = len(tick)
+
+    def when(self, part: int) -> float:
+        """Return when a part begins [s]."""
+        return float(self._edges[part])
+
+    def state(self) -> FloatArray:
+        """Return q and v now."""
+        return self._run.state.copy()
+
+    def hold(self, forces: FloatArray) -> None:
+        """Ask for forces from the next tick on."""
+        self._run.parts[3][:] = forces
+
+    def advance(self, begin: int, count: int, closing: bool, row: int) -> int:
+        """Go on by some parts."""
+        return self._run.advance(begin, count, closing, row)
+
+    @property
+    def end(self) -> float:
+        """Where it got to [s]."""
+        return self._run.end
+
+    @property
+    def taken(self) -> int:
+        """How many samples there are."""
+        return self._run.taken
+
+    @property
+    def past(self) -> list[FloatArray]:
+        """Samples."""
+        return self._run.past
+
+    @property
+    def evaluations(self) -> int:
+        """Of the equations of motion."""
+        return self._run.evaluations
+
+
+def runs_of(compiled: CompiledLoop, model: CompiledLoop | None = None) -> CompiledRuns:
+    """Return the runs by equal steps of what is compiled, made once."""
+    key = "runs", id(model)
+    found = compiled.kept.get(key)
+    if not isinstance(found, CompiledRuns):
+        found = compiled.kept[key] = CompiledRuns(compiled, model)
+    return found
+
+
+def adaptation_of(compiled: CompiledLoop, model: CompiledLoop | None = None) -> CompiledAdaptation:
+    """Return the runs by adaptive steps of what is compiled, made once."""
+    key = "adaptation", id(model)
+    found = compiled.kept.get(key)
+    if not isinstance(found, CompiledAdaptation):
+        found = compiled.kept[key] = CompiledAdaptation(compiled, model)
+    return found
 
 
 class Acting(NamedTuple):
-    """What acts in C.
+    """What acts in C."""
 
-    Parameters
-    ----------
-    control : int
-        One of `p3dof.loops.compiled.runs`.
-    given : dict of str to (n,) array
-        Gains, and forces that stay.
-    controller : JointPD, optional
-        What the rows of ticks are made from.
-    model : CompiledLoop, optional
-        Its model.
-    """
-
-    control: int
-    given: dict[str, FloatArray]
-    controller: JointPD | None = None
-    model: CompiledLoop | None = None
+    control: int  # one of `p3dof.loops.compiled.runs`
+    given: dict[str, FloatArray]  # (n,): gains, and forces that stay
+    controller: JointPD | None = None  # what the rows of ticks are made from
+    model: CompiledLoop | None = None  # its model
 
     def rows(self, ticks: FloatArray, period: float) -> list[FloatArray]:
         """Return targets, speeds, and what is known before, at all ticks (T, n); one row if it stays."""
@@ -78,19 +300,7 @@ class Acting(NamedTuple):
 def acting_in_c(
     loop: ClosedLoopModel, controller: Any, compiled: CompiledLoop, q: FloatArray
 ) -> Acting | None:
-    """Return what a controller is in C; None if it has to be called.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot.
-    controller : callable or (n,) array, optional
-        As of `simulate_robot`.
-    compiled : CompiledLoop
-        The robot, compiled.
-    q : (nq,) array
-        Where the run starts.
-    """
+    """Return what a controller is in C; None if it has to be called."""
     if not callable(controller):
         forces = np.zeros(len(loop.actuated)) if controller is None else np.asarray(controller, dtype=float)
         return Acting(runs.CONSTANT, {"forces": forces})
@@ -110,155 +320,6 @@ def acting_in_c(
             return None
     kind = runs.COMPUTED_TORQUE if computed else runs.PD_WITH_GRAVITY
     return Acting(kind, gains, controller, model)
-
-
-class Setting(NamedTuple):
-    """A run of a robot, as `simulate_robot` has it."""
-
-    loop: ClosedLoopModel
-    plant: ConstrainedPlant
-    controller: Any
-    control: ControlLoop
-    integration: Integration
-    loads: Loads
-    margins: RobotMargins
-    largest: FloatArray
-    times: FloatArray
-    kinks: FloatArray
-    longest: float
-    shortest: float
-    progress: Progress | None
-
-    @property
-    def compiled(self) -> CompiledLoop | None:
-        """What is compiled of the robot; None if the run has no compiled form."""
-        states, control = self.plant.compiled, self.control
-        works = states is not None and states.loop.level != "numpy"
-        works = works and not self.margins.events
-        works = works and self.loads.stays and not control.delay
-        works = works and control.drives(len(self.largest)) is None
-        if callable(self.controller) and not control.rate:
-            works = works and self.integration.scheme != "rk4" and _stands(self.controller)
-        if not works:
-            return None
-        return states.loop if states is not None else None
-
-    def decided(self, state: FloatArray, forces: FloatArray) -> FloatArray | None:
-        """Return the derivative of a state by the robot itself; None near closures that become dependent."""
-        if self.margins.room(self.plant.split(state)[0]) < _NEAR_DEPENDENT:
-            return None
-        return self.plant.rate(state, forces, self.loads(0.0))
-
-
-class RobotRunInC:
-    """A run of a robot in C.
-
-    Parameters
-    ----------
-    setting : Setting
-        The run, of which `compiled` says what is compiled.
-    compiled : CompiledLoop
-        That.
-    state : (nq + nv,) array
-        Where it starts.
-    """
-
-    def __init__(self, setting: Setting, compiled: CompiledLoop, state: FloatArray) -> None:
-        self._of, control = setting, setting.control
-        acts = acting_in_c(setting.loop, setting.controller, compiled, setting.plant.split(state)[0])
-        own = control.encoders(len(setting.largest)) is None or not callable(setting.controller)
-        self.acting = acts if own else None
-        self.recording = Recording()
-        self._mover: Mover | None = None
-        if self.acting is None and not control.rate:
-            return
-        shown, integration = self.acting or Acting(runs.CONSTANT, {}), setting.integration
-        ticks = ticks_of(setting.times, control.period, setting.kinks)
-        given = {"most": setting.largest, **shown.given}
-        given |= {f"wrench_{name}": rows[0] for name, rows in setting.loads.over(np.zeros(1)).items()}
-        given["stabilisation"] = np.array([integration.stabilisation])
-        course = Course(
-            state,
-            setting.times,
-            control.period,
-            setting.kinks,
-            given,
-            shown.rows(ticks[0][:-1][ticks[1].astype(bool)], control.period),
-            limited(setting.margins),
-            shown.control,
-            setting.decided,
-        )
-        if integration.scheme == "rk4":
-            self._mover = EqualSteps(compiled, shown.model, course, integration.step)
-        else:
-            tolerances = integration.rtol, integration.atol, setting.longest, setting.shortest
-            self._mover = AdaptiveSteps(compiled, shown.model, course, tolerances)
-
-    def __call__(self, actuation: Callable[[], Actuation]) -> Recording | None:
-        """Make the run; return None if it cannot be trusted.
-
-        Raises
-        ------
-        ControllerError
-            If a controller fails; `recording` holds the samples so far.
-        """
-        if self._mover is None:
-            return None
-        mover, begun = self._mover, clock.perf_counter()
-        act = None if self.acting is not None else actuation()
-        try:
-            reason = self._go(mover, act)
-        except ControllerError as error:
-            self._record(mover, Stop("controller", error.time, str(error.__cause__)))
-            raise
-        finally:
-            self.recording.seconds = clock.perf_counter() - begun
-        if reason == runs.DOUBTFUL:
-            return None
-        self._record(mover, self._of.margins.stop(reason - 1, mover.end) if reason else None)
-        self.recording.evaluations = mover.evaluations
-        return self.recording
-
-    def _go(self, mover: Mover, act: Actuation | None) -> int:
-        """Go from part to part; return why it ended."""
-        rows = range(0, len(mover.begins), _CHUNK if act is None else 1)
-        begins, reason = mover.begins[rows], 0
-        ends, total = np.append(begins[1:], mover.parts).tolist(), len(self._of.times)
-        for row, begin, end in zip(rows, begins.tolist(), ends, strict=True):
-            if act is not None:
-                self._command(mover, act, mover.when(begin))
-            reason = mover.advance(begin, end - begin, end == mover.parts, row)
-            if reason:
-                return reason
-            if self._of.progress is not None:
-                self._of.progress(min(mover.taken, total), total)
-        return reason
-
-    def _command(self, mover: Mover, act: Actuation, time: float) -> None:
-        """Let a controller act at the present state."""
-        try:
-            _, asked = act(time, *self._of.plant.actuated(mover.state()))
-        except Exception as error:
-            words = f"the controller failed at t = {time:.6g} s: {error}"
-            raise ControllerError(words, time) from error
-        mover.hold(asked)  # cut off in C as by the actuation
-
-    def _record(self, mover: Mover, stop: Stop | None) -> None:
-        record, times, count = self.recording, self._of.times, mover.taken
-        q, v, a, forces, asked = (array[:count] for array in mover.past)
-        when = times[: min(count, len(times))].tolist()
-        if stop is not None and stop.kind != "controller":
-            when = [*times[: count - 1].tolist(), stop.time]
-        record.times, record.stop = when, stop
-        record.states = list(np.hstack([q, v]))
-        record.rates = list(np.hstack([np.full(q.shape, np.nan), a]))  # nobody asks for those of q
-        record.forces, record.asked = list(forces), list(asked)
-        record.loads = [self._of.loads(time) for time in when]
-
-
-def _stands(controller: Any) -> bool:
-    """Whether a controller depends on the state only."""
-    return type(controller) in (JointPD, JointComputedTorque) and not controller.reference.duration
 
 
 def limited(margins: RobotMargins) -> Limited:

@@ -10,31 +10,212 @@ R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipu
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, as_floats, batch_of, frozen_array, positive, shown
+from p3dof._base.checks import FloatArray, Readable, as_floats, batch_of, frozen_array, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.threads import OneThread
+from p3dof._base.time_series.smoothing import hermite
 from p3dof.closed_form import kinematics
-from p3dof.closed_form.compiled.poses import pose_at
+from p3dof.closed_form.compiled.kernels import pose_at
 from p3dof.machine.motion import Motion, states_of
-from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters import Geometry, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
-from p3dof.runs.control import Measurement
-from p3dof.runs.equations import Equations
-from p3dof.runs.reference import Reference
+from p3dof.runs.machine_plants import Equations
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement(Readable):
+    """What a controller knows: what encoders on the sliders tell.
+
+    Parameters
+    ----------
+    time : float
+        Time since the start of the run [s].
+    period : float
+        How long the forces will be held [s]; zero if the controller acts continuously.
+    sliders, slider_velocities : ndarray, shape (3,)
+        Of A, B, C [m, m/s], noise included.
+    saturated : ndarray of bool, shape (3,)
+        Which of the forces that it gave last were cut off at the limits.
+    geometry : Geometry
+        Lengths of the machine, for the forward kinematics.
+    """
+
+    time: float
+    period: float
+    sliders: FloatArray
+    slider_velocities: FloatArray
+    saturated: NDArray[np.bool_]
+    geometry: Geometry
+
+    @classmethod
+    def made(
+        cls,
+        geometry: Geometry,
+        time: float,
+        period: float,
+        sliders: FloatArray,
+        slider_velocities: FloatArray,
+        saturated: NDArray[np.bool_],
+    ) -> Measurement:
+        """Return one sooner than the constructor does: there is one a tick."""
+        found = object.__new__(cls)
+        found.__dict__.update(
+            time=time,
+            period=period,
+            sliders=sliders,
+            slider_velocities=slider_velocities,
+            saturated=saturated,
+            geometry=geometry,
+        )
+        return found
+
+    @cached_property
+    def pose(self) -> FloatArray:
+        """Pose by forward kinematics of the sliders, shape (3,), in the working mode.
+
+        Sliders do not tell on which side of a singular pose (det J = 0) the platform is: behind one this is
+        another pose than the machine's.
+        """
+        return pose_at(self.geometry, self.sliders)
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocity of the pose, from that of the sliders, shape (3,)."""
+        J = kinematics.inverse_jacobian(self.geometry, self.pose)
+        return np.asarray(np.linalg.solve(J, self.slider_velocities))
+
+    # As of any robot, so that controllers of its joints drive the machine too.
+
+    @property
+    def positions(self) -> FloatArray:
+        """Of the actuated joints, shape (3,) [m]: `sliders`."""
+        return self.sliders
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Of the actuated joints, shape (3,) [m/s]: `slider_velocities`."""
+        return self.slider_velocities
+
+    @cached_property
+    def q(self) -> FloatArray:
+        """Positions of all joints at `pose`, shape (10,) [m or rad]."""
+        return self._joints[0]
+
+    @cached_property
+    def v(self) -> FloatArray:
+        """Velocities of all joints, shape (10,) [m/s or rad/s]."""
+        return self._joints[1]
+
+    @cached_property
+    def _joints(self) -> tuple[FloatArray, FloatArray]:
+        moving = kinematics.mechanism_motion(self.geometry, self.pose, self.velocity, np.zeros(3))
+        return np.array([*moving.position.values()]), np.array([*moving.velocity.values()])
+
+
+class Controller(Protocol):
+    """Anything that can be called with a `Measurement` and returns the forces of A, B, C [N], shape (3,).
+
+    A method ``reset()`` is called before a run if there is one; an attribute ``motion`` is taken as what the
+    run should follow; a true attribute ``autonomous`` says that the forces depend on the state alone, so that
+    a continuous run can take steps as long as its accuracy allows. A continuous controller is also called at
+    trial times that are not kept: it should not count its calls.
+    """
+
+    def __call__(self, measured: Measurement, /) -> ArrayLike:
+        """Return the forces of the actuators [N]."""
+
+
+ControllerLike: TypeAlias = "Controller | Callable[[Measurement], ArrayLike] | ArrayLike | None"
+"""A controller, constant forces (3,), or None for none at all."""
+
+
+class Reference:
+    """Pose, velocity and acceleration of a motion at any time, by quintic Hermite interpolation.
+
+    Before its first sample and after its last one the motion rests there.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion; its time counts from its first sample.
+
+    Raises
+    ------
+    InputError
+        If it is not a `Motion`.
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        if not isinstance(motion, Motion):
+            raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+        self.motion = motion
+        self._curves: list[Any] = []
+        if len(motion) > 1:
+            from scipy.interpolate import PPoly
+
+            time = motion.time - motion.time[0]
+            curve = PPoly.from_bernstein_basis(
+                hermite(time, motion.pose, motion.velocity, motion.acceleration)
+            )
+            self._curves = [curve, curve.derivative(), curve.derivative(2)]
+
+    @property
+    def curve(self) -> Any:
+        """The poses as SciPy's ``PPoly``, from time zero; None if there is only one."""
+        return self._curves[0] if self._curves else None
+
+    def at(self, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return pose, velocity and acceleration at a time, each of shape (3,).
+
+        Parameters
+        ----------
+        time : float
+            Time since the beginning of the motion [s].
+        """
+        if time < 0 or not self._curves:
+            return self.motion.pose[0], np.zeros(3), np.zeros(3)
+        if time > self.motion.duration * (1 + 1e-14):
+            return self.motion.pose[-1], np.zeros(3), np.zeros(3)
+        inside = min(time, self.motion.duration)
+        pose, velocity, acceleration = (np.asarray(curve(inside)) for curve in self._curves)
+        return pose, velocity, acceleration
+
+    def over(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return poses, velocities and accelerations at times since the beginning (N,), shape (N, 3) each."""
+        pose, velocity, acceleration = (self.derivative(times, order) for order in range(3))
+        return pose, velocity, acceleration
+
+    def derivative(self, times: FloatArray, order: int) -> FloatArray:
+        """Return one of them at times (N,), shape (N, 3): poses, velocities, accelerations are 0, 1, 2."""
+        before, after = times < 0, times > self.motion.duration * (1 + 1e-14)
+        if self._curves:
+            found = np.asarray(self._curves[order](np.clip(times, 0.0, self.motion.duration)))
+        else:
+            found = np.zeros((len(times), 3)) + (self.motion.pose[0] if order == 0 else 0.0)
+        found[before] = self.motion.pose[0] if order == 0 else 0.0
+        found[after] = self.motion.pose[-1] if order == 0 else 0.0
+        return found
+
+    def poses(self, times: FloatArray) -> FloatArray:
+        """Return the poses at times since the beginning, shape (N, 3)."""
+        return self.derivative(times, 0)
+
 
 _HOME = np.zeros(3)
 
-_HUGE = 1e3
-"""Forces by so much larger than the weight make one look whether the pose is singular."""
+_HUGE = 1e3  # forces by so much larger than the weight make one look whether the pose is singular
 
 
 class Springs:
-    """Linear springs and dampers between the guide-ways and the sliders, instead of drives.
+    """Linear springs and dampers between the guideways and the sliders, instead of drives.
 
     Parameters
     ----------
@@ -191,14 +372,8 @@ class Feedforward(PD):
     ----------
     model : Parameters or Manipulator
         What the forces are computed from; it may differ from the machine that is controlled.
-    motion : Motion
-        What to follow.
-    frequency : float
-        ω / 2π [Hz].
-    damping : float
-        ζ; 1 is critical.
-    integral_time : float
-        T [s]; infinite for no integral.
+    motion, frequency, damping, integral_time
+        As of `PD`.
 
     Raises
     ------
@@ -221,16 +396,8 @@ class ComputedTorque(PD):
 
     Parameters
     ----------
-    model : Parameters or Manipulator
-        What the forces are computed from; it may differ from the machine that is controlled.
-    motion : Motion
-        What to follow.
-    frequency : float
-        ω / 2π [Hz].
-    damping : float
-        ζ; 1 is critical.
-    integral_time : float
-        T [s]; infinite for no integral.
+    model, motion, frequency, damping, integral_time
+        As of `Feedforward`.
 
     Raises
     ------
@@ -267,3 +434,7 @@ def _parameters(model: Any) -> Parameters:
     if not isinstance(parameters, Parameters):
         raise InputError(f"model: expected Parameters or a Manipulator, got {shown(model)}")
     return parameters
+
+
+CONTROLLERS = {"pd": PD, "feedforward": Feedforward, "computed-torque": ComputedTorque}
+"""What follows a motion."""

@@ -1,7 +1,7 @@
 """Controllers of the actuated joints of any robot: PD, feedforward, computed torque.
 
 Each has a model of its own, which need not be the robot that it drives. What they ask of it is its hybrid
-dynamics: forces for accelerations of the actuated joints, while idle freedoms move as they must.
+dynamics: forces for accelerations of the actuated joints, while passive freedoms move freely.
 """
 
 from __future__ import annotations
@@ -14,17 +14,129 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, as_floats, frozen_array, positive
-from p3dof._base.errors import InputError
+from p3dof._base.checks import FloatArray, as_floats, frozen_array, positive, shown
+from p3dof._base.errors import InputError, MotionError
+from p3dof._base.files import Source, called, read_text
 from p3dof._base.threads import Own
+from p3dof._base.time_series.joint_files import JointCurve, read_joints
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof._base.time_series.times import require_rising, rounding_told
 from p3dof.loops import ClosedLoopModel, CompiledLoop
-from p3dof.loops.compiling_model import require_fit
-from p3dof.runs.compiled_robots import CompiledStates
-from p3dof.runs.crossings import CHECKED
-from p3dof.runs.joint_reference import JointReference, reference_of
+from p3dof.loops.compiled.kept import require_fit
+from p3dof.loops.tables import is_slide
+from p3dof.runs.integration import CHECKED
+from p3dof.runs.plants import CompiledStates
 
-_SEEN = 1e-9
-"""Share of the largest motion of a motor below which one follows from the others."""
+
+class JointReference:
+    """Values, velocities and accelerations of the actuated joints at any time.
+
+    Between its samples it is a spline of degree 7, whose velocities need not be zero at its ends; before the
+    first sample and after the last one the joints rest there.
+
+    Parameters
+    ----------
+    time : array-like, shape (N,)
+        Rising times [s]; they count from the first one.
+    values : array-like, shape (N, n_actuated)
+        Of the joints [m or rad].
+    smooth : float or "auto", optional
+        For measured or rounded values, which the reference need not pass then, as of
+        `p3dof.machine.motion.Motion.from_poses`; `curve.remarks` state what it does.
+
+    Raises
+    ------
+    MotionError
+        If shapes do not fit, a number is not finite, or times do not rise or are too coarse, as those of a
+        clock that were rounded before the first one was subtracted.
+    """
+
+    def __init__(self, time: ArrayLike, values: ArrayLike, smooth: Smooth = None) -> None:
+        times = frozen_array("time", time, ("N",), MotionError)
+        if not len(times):
+            raise MotionError("time: expected at least one sample, got none")
+        require_rising("time", times)
+        times, first = times - times[0], float(times[0])
+        rounded = rounding_told(times, first)
+        if rounded and smooth is None:
+            raise MotionError(f"time: {rounded}")
+        rows = frozen_array("values", values, (len(times), "n"), MotionError)
+        self.curve = JointCurve(times, rows, smooth=smooth)
+        with np.errstate(all="ignore"):
+            found = self.curve.at(times)
+        if not all(np.isfinite(array).all() for array in found):
+            raise MotionError("values: too large or too near in time for finite velocities and accelerations")
+
+    @classmethod
+    def from_csv(cls, loop: ClosedLoopModel, path: Source, smooth: Smooth = None) -> JointReference:
+        """Read a motion of the actuated joints: CSV with ``t`` and their names, see the file formats.
+
+        Parameters
+        ----------
+        loop : ClosedLoopModel
+            The robot.
+        path : path-like or stream
+            The file.
+        smooth : float or "auto", optional
+            As of the class.
+
+        Raises
+        ------
+        MotionError, FileError
+            If the file cannot be read or does not fit the robot.
+        """
+        sliding = [is_slide(loop, loop.model.getJointId(name)) for name in loop.actuated]
+        curve = read_joints(read_text(path), called(path), loop.actuated, sliding)
+        return cls(curve.time, curve.values, smooth)
+
+    @classmethod
+    def standing(cls, values: ArrayLike) -> JointReference:
+        """Return a reference that stays at values (n_actuated,) of the joints [m or rad]."""
+        return cls([0.0], frozen_array("values", values, ("n",))[None])
+
+    @property
+    def duration(self) -> float:
+        """How long it moves [s]."""
+        return float(self.curve.time[-1])
+
+    @property
+    def step(self) -> float:
+        """The mean step between its samples [s]; infinite if there is one only."""
+        return self.duration / (len(self.curve.time) - 1) if len(self.curve.time) > 1 else np.inf
+
+    @property
+    def size(self) -> int:
+        """Of how many joints it is."""
+        return int(self.curve.values.shape[1])
+
+    def at(self, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return values, velocities and accelerations (n_actuated,) at a time since its beginning [s]."""
+        values, velocities, accelerations = self.over(np.array([time]))
+        return values[0], velocities[0], accelerations[0]
+
+    def over(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return values, velocities and accelerations (N, n_actuated) at times (N,) since its beginning."""
+        inside = np.clip(times, 0.0, self.duration)
+        found = self.curve.at(inside)
+        slack = 1e-12 * max(1.0, self.duration)
+        moving = ((times >= -slack) & (times <= self.duration + slack))[:, None]
+        values, velocities, accelerations = found
+        return values, np.where(moving, velocities, 0.0), np.where(moving, accelerations, 0.0)
+
+
+def reference_of(loop: ClosedLoopModel, given: JointReference | ArrayLike) -> JointReference:
+    """Return a reference of a robot's actuated joints: one that is given, or values (n,) that stay."""
+    if not isinstance(loop, ClosedLoopModel):
+        raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
+    reference = given if isinstance(given, JointReference) else JointReference.standing(given)
+    if reference.size != len(loop.actuated):
+        raise InputError(
+            f"reference: expected values of the {len(loop.actuated)} actuated joints, got {reference.size}"
+        )
+    return reference
+
+
+_SEEN = 1e-9  # share of the largest motion of a motor below which one follows from the others
 
 
 class RobotMeasurement(NamedTuple):
@@ -193,7 +305,7 @@ class JointFeedforward(JointPD):
 class JointComputedTorque(JointPD):
     """Hybrid dynamics in the loop: each actuated joint follows its reference as ë + kd ė + kp e = 0.
 
-    The forces are those that the model needs for accelerations r̈ + kd (ṙ - ṗ) + kp (r - p); idle freedoms
+    The forces are those that the model needs for accelerations r̈ + kd (ṙ - ṗ) + kp (r - p); passive freedoms
     move as they must. It reads the state of all joints.
 
     Parameters
@@ -239,10 +351,6 @@ def gains(frequency: float, damping: float = 1.0) -> tuple[float, float]:
     damping : float
         ζ; 1 is critical.
 
-    Returns
-    -------
-    tuple of float
-
     Raises
     ------
     InputError
@@ -253,20 +361,7 @@ def gains(frequency: float, damping: float = 1.0) -> tuple[float, float]:
 
 
 def independent(loop: ClosedLoopModel, q: ArrayLike) -> list[int]:
-    """Return which actuated joints can be chosen freely, all but those that follow from the others.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot.
-    q : (nq,) array
-        Configuration, with closed loops.
-
-    Returns
-    -------
-    list of int
-        Indices of the actuated joints, rising.
-    """
+    """Return the indices, rising, of actuated joints that can be chosen freely."""
     from scipy.linalg import qr
 
     N = _free_motions(loop, q)
@@ -296,7 +391,7 @@ def moved_inertia(loop: ClosedLoopModel, q: ArrayLike) -> FloatArray:
     Returns
     -------
     (n_actuated,) array
-        Force for a unit of acceleration [kg or kg m²]; idle freedoms move as they must.
+        Force for a unit of acceleration [kg or kg m²]; passive freedoms move freely.
 
     Raises
     ------

@@ -1,26 +1,130 @@
-"""What is integrated: any plant, and any robot with loop closures as one, in all its joints."""
+"""What is integrated: any robot with loop closures in all its joints, wrenches on it, drives before it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array
+from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import DynamicsError, InputError
-from p3dof.loops import ClosedLoopModel
-from p3dof.loops.configuration_rates import ConfigurationRates
-from p3dof.runs.compiled_robots import CompiledStates
+from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiled.kept import Method, method_of
+from p3dof.loops.coordinates import ConfigurationRates
+from p3dof.loops.sidecar import suggestion
+
+CLOSED = 1e-9  # largest gap of a start, and share of its velocity that may open the loops
+
+Kind: TypeAlias = Literal["forward_dynamics", "hybrid_dynamics"]
+
+
+class CompiledStates:
+    """A compiled function of one state, with the arrays that it reads and writes."""
+
+    def __init__(
+        self, compiled: CompiledLoop, kind: Kind, frames: Sequence[str] = (), stabilisation: float = 0.0
+    ) -> None:
+        self.loop = compiled  # the robot
+        bound = compiled.bind(f"stabilised_{kind}" if stabilisation else kind)
+        if stabilisation:
+            bound.inputs["stabilisation"][:] = stabilisation
+        given = bound.inputs["tau" if kind == "forward_dynamics" else "a_actuated"]
+        self._state = bound.inputs["q"], bound.inputs["v"], given
+        self._wrenches = [bound.inputs[f"wrench_{name}"] for name in frames]
+        self._trusted, self._outputs, self._run = bound.outputs["trusted"], bound.outputs, bound.run
+        self.doubtful = 0  # states that were not to be trusted
+
+    def __call__(
+        self, q: FloatArray, v: FloatArray, given: FloatArray, wrenches: FloatArray, name: str
+    ) -> FloatArray | None:
+        """Return an output at a state; None where the general layer has to decide."""
+        for target, value in zip(self._state, (q, v, given), strict=True):
+            target[:] = value
+        for i, wrench in enumerate(self._wrenches if len(wrenches) else ()):
+            wrench[:] = wrenches[6 * i : 6 * i + 6]
+        self._run()
+        if self._trusted[0] > 0.0:
+            return self._outputs[name].copy()
+        self.doubtful += 1
+        return None
+
+
+def states_for(
+    loop: ClosedLoopModel,
+    method: Method,
+    kind: Kind,
+    frames: Sequence[str],
+    stabilisation: float,
+    q: FloatArray,
+) -> CompiledStates | None:
+    """Return what computes the states of a run, None for the robot's own methods."""
+    compiled = method_of(loop, method, frames)
+    if compiled is None:
+        return None
+    if not isinstance(compiled, CompiledLoop):
+        compiled = compiled(loop, q, frames)
+    return CompiledStates(compiled, kind, frames, stabilisation)
+
+
+ExternalOverTime: TypeAlias = Mapping[str, WrenchOverTime]
+"""Frame name → wrench (6,) that stays, or a function of time, as `p3dof.WrenchHistory`."""
+
+
+class Loads:
+    """Wrenches on frames, one after the other."""
+
+    def __init__(self, loop: ClosedLoopModel, external: ExternalOverTime | None) -> None:
+        if external is not None and not isinstance(external, Mapping):
+            raise InputError(f"external: expected a mapping of frames to wrenches, got {shown(external)}")
+        given = dict(external or {})
+        known = [str(frame.name) for frame in loop.model.frames]
+        for name in given:
+            if name not in known:
+                raise InputError(
+                    f"external: the frame {shown(name)} does not exist; {suggestion(str(name), known)}"
+                )
+        self.frames = tuple(given)
+        self._loads = {name: Load(wrench) for name, wrench in given.items()}
+        self.kinks = np.unique(
+            np.concatenate([np.zeros(0), *(w.time for w in given.values() if isinstance(w, WrenchHistory))])
+        )
+        """Times at which a wrench changes its slope [s]."""
+        self.watched = any(callable(w) and not isinstance(w, WrenchHistory) for w in given.values())
+        """Whether a function acts that could change unseen between two steps."""
+        self._held = None if any(map(callable, given.values())) else self._now(0.0)
+
+    def __call__(self, time: float) -> FloatArray:
+        """Return the wrenches at a time since the start [s], one after the other, (6 k,)."""
+        return self._now(time) if self._held is None else self._held
+
+    @property
+    def stays(self) -> bool:
+        """Whether all wrenches stay as they are."""
+        return self._held is not None
+
+    def over(self, times: FloatArray) -> dict[str, FloatArray]:
+        """Return the wrenches (N, 6) on each frame at times (N,)."""
+        rows = np.array([self(float(time)) for time in times]).reshape(len(times), -1, 6)
+        return {name: rows[:, i] for i, name in enumerate(self.frames)}
+
+    def _now(self, time: float) -> FloatArray:
+        found = [_wrench(name, load, time) for name, load in self._loads.items()]
+        return np.concatenate([np.zeros(0), *found])
+
+
+def _wrench(name: str, load: Load, time: float) -> FloatArray:
+    try:
+        return load.at(time)
+    except InputError as error:
+        raise InputError(f"external {shown(name)}: {error}") from error
 
 
 class Plant(Protocol):
-    """A mechanism that moves under forces: n actuators, and a load from outside.
-
-    Numbers that follow its state belong to what drives it, see `p3dof.runs.drives`.
-    """
+    """A mechanism that moves under the forces of n actuators, and a load from outside."""
 
     def rate(self, state: FloatArray, forces: FloatArray, load: FloatArray) -> FloatArray:
         """Return the derivative of the state; NaN where there is none."""
@@ -46,27 +150,7 @@ Resisting: TypeAlias = Callable[[FloatArray, FloatArray], Resistance]
 
 
 class ConstrainedPlant:
-    """All joints of a robot's tree, held together by its loop closures, which are stabilised.
-
-    The state is (q, v), shape (nq + nv,). Quaternions and circles in q are normalised when they are read.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The robot; the workspaces of a copy are used.
-    stabilisation : float
-        β of Baumgarte's stabilisation [1/s].
-    frames : sequence of str
-        Where the load acts, a wrench (6,) for each of them, one after the other: force [N] and moment [N m]
-        at the frame's origin, in world axes.
-    resisting : callable, optional
-        What acts in the joints and on frames by itself; nothing by default.
-
-    Raises
-    ------
-    ModelError
-        If a joint that turns freely is none of revolute, spherical, planar, free.
-    """
+    """All joints of a tree with stabilised closures; the state is (q, v), read with q normalised."""
 
     def __init__(
         self,
@@ -93,13 +177,7 @@ class ConstrainedPlant:
         return (q if self._rates.flat else np.asarray(pin.normalize(self.loop.model, q))), v
 
     def checked_state(self, q: ArrayLike, v: ArrayLike, tolerance: float) -> FloatArray:
-        """Return the state of joint positions (nq,) and velocities (nv,).
-
-        Raises
-        ------
-        InputError
-            If the loops are open, or the velocity opens them, by more than the tolerance; with the gap.
-        """
+        """Return the state of joint positions (nq,) and velocities (nv,)."""
         q = frozen_array("q", q, (self._nq,))
         v = frozen_array("v", v, (self._nv,))
         gap = float(np.abs(self.loop.closure_error(q)).max(initial=0.0))
@@ -148,15 +226,57 @@ class ConstrainedPlant:
     def motion(
         self, states: FloatArray, rates: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return configurations (N, nq), velocities and accelerations (N, nv), and the largest gaps (N,).
-
-        Parameters
-        ----------
-        states, rates : ndarray, shape (N, nq + nv)
-            States, and their derivatives.
-        """
+        """Return configurations (N, nq), velocities and accelerations (N, nv), and the largest gaps (N,)."""
         pairs = [self.split(state) for state in states]
         q = np.array([pair[0] for pair in pairs]).reshape(-1, self._nq)
         v = np.array([pair[1] for pair in pairs]).reshape(-1, self._nv)
         gaps = self.loop.closure_gaps(q).max(axis=1, initial=0.0)
         return q, v, rates[:, self._nq : self._nq + self._nv], gaps
+
+
+class Lag:
+    """Forces that follow commands which stay for a while: ḟ = 2π b (command - f), solved exactly."""
+
+    def __init__(self, bandwidth: FloatArray) -> None:
+        self._rates = 2 * np.pi * bandwidth
+        self._since = 0.0
+        self._begun: FloatArray = np.zeros(0)
+        self._command: FloatArray = self._begun
+
+    def follow(self, time: float, command: FloatArray) -> None:
+        """Take another command (n,) from a time on [s]; drives have settled at the first one."""
+        self._begun = self.at(time) if len(self._command) else command
+        self._since, self._command = time, command
+
+    def at(self, time: float) -> FloatArray:
+        """Return the forces at a time since then, (n,) [N or N m]."""
+        after = time - self._since
+        rest = np.exp(-self._rates * after) if after > 0 else np.where(np.isinf(self._rates), 0.0, 1.0)
+        return np.asarray(self._command + (self._begun - self._command) * rest)
+
+
+class DrivenPlant:
+    """A plant behind drives, ḟ = 2π b (command - f); its state is that of the plant, then n forces."""
+
+    def __init__(self, plant: Plant, bandwidth: FloatArray) -> None:
+        self._plant, self._count = plant, len(bandwidth)
+        self._at_once = ~np.isfinite(bandwidth)
+        self._rates = 2 * np.pi * np.where(self._at_once, 0.0, bandwidth)
+
+    def begin(self, state: FloatArray, forces: FloatArray) -> FloatArray:
+        """Return the state for one of the plant, whose drives have settled at forces (n,)."""
+        return np.concatenate([state, forces])
+
+    def delivered(self, state: FloatArray, command: FloatArray) -> FloatArray:
+        """Return the forces on the plant, (n,) [N or N m]."""
+        return np.where(self._at_once, command, state[-self._count :])
+
+    def rate(self, state: FloatArray, command: FloatArray, load: FloatArray) -> FloatArray:
+        """Return the derivative of the state; NaN where there is none."""
+        own, forces = state[: -self._count], self.delivered(state, command)
+        lag = np.where(self._at_once, 0.0, self._rates * (command - forces))
+        return np.concatenate([self._plant.rate(own, forces, load), lag])
+
+    def actuated(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities of the actuated joints, (n,) each."""
+        return self._plant.actuated(state)

@@ -6,36 +6,133 @@ import copy
 import math
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Progress, as_floats, frozen_array, positive, shown
 from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.threads import thread_count
+from p3dof._base.time_series.times import evenly, sample_count
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.batch.linear import IndexArray
 from p3dof.loops.compiled import runs
+from p3dof.loops.compiled.kept import Method
 from p3dof.loops.compiled.runs import RunsFound
-from p3dof.loops.compiling_model import Method
-from p3dof.machine.motion.times import evenly, sample_count
-from p3dof.runs.compiled_robot_runs import Acting, acting_in_c, limited
+from p3dof.runs.compiled_robot_runs import Acting, acting_in_c, limited, runs_of, step_plan
 from p3dof.runs.joint_controllers import JointPD
-from p3dof.runs.margins import Stop
-from p3dof.runs.robot_loads import ExternalOverTime
-from p3dof.runs.robot_margins import ROBOT_KINDS, RobotMargins
-from p3dof.runs.robot_movers import runs_of
-from p3dof.runs.robot_runs import RobotRuns
-from p3dof.runs.robots import CLOSED, ObservedPlant, RobotController, check_robot, simulate_robot
-from p3dof.runs.settings import ControlLoop, Integration
-from p3dof.runs.step_plans import step_plan
+from p3dof.runs.margins import ROBOT_KINDS, RobotMargins, Stop
+from p3dof.runs.plants import CLOSED, ExternalOverTime
+from p3dof.runs.robots import ObservedPlant, RobotController, largest_forces, require_robot, simulate_robot
+from p3dof.runs.settings import EDGE, ControlLoop, Integration, require_settings
 
-_BLOCK = 256
-"""Runs between two looks at Ctrl-C, for every thread."""
-_CLOSING = 1e-6
-"""Share of its velocity by which a start may open its loops."""
+INTERRUPTED = "interrupted"  # why a run was not made
+
+
+@dataclass(frozen=True, eq=False)
+class RobotRuns:
+    """Many runs of one robot.
+
+    Parameters
+    ----------
+    loop : ClosedLoopModel
+        The robot.
+    time : (N,) array
+        When each run ended [s].
+    q, v : (N, nq) array, (N, nv) array
+        Configuration and velocity then; NaN of runs that were not made.
+    stop : tuple of N (Stop or None)
+        What ended each before its time.
+    peak_force, rms_force : (N, n) array
+        Largest force of each actuator, and the root of its mean square [N or N m], over the control ticks.
+    peak_error, rms_error : (N, n) array
+        The same of reference less value of the actuated joints [m or rad]; NaN without a controller.
+    gap : (N,) array
+        Largest gap of the loops: before they were closed at each step, as the length of the vector of all
+        errors [m, rad]; of a run by the robot itself as `RobotRun.gap`.
+    margin : (N,) array
+        Smallest margin of the compiled partition of speeds; NaN of runs by the robot itself.
+    general : (N,) array of bool
+        Runs that the robot itself made, as the compiled dynamics was not to be trusted.
+    sample_time : (S,) array
+        Times of the samples [s], if there are any.
+    past : mapping of str to (N, S, size) array
+        ``q``, ``v``, ``a``, ``forces`` and ``asked`` at the samples; NaN after the end of a run. A run that
+        ended early has no sample at its end.
+    seconds : float
+        On the clock.
+    """
+
+    loop: ClosedLoopModel
+    time: FloatArray
+    q: FloatArray
+    v: FloatArray
+    stop: tuple[Stop | None, ...]
+    peak_force: FloatArray
+    rms_force: FloatArray
+    peak_error: FloatArray
+    rms_error: FloatArray
+    gap: FloatArray
+    margin: FloatArray
+    general: NDArray[np.bool_]
+    sample_time: FloatArray = field(default_factory=lambda: np.zeros(0))
+    past: Mapping[str, FloatArray] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __repr__(self) -> str:
+        ended = sum(stop is not None for stop in self.stop)
+        return f"RobotRuns({self.loop.model.name!r}, {len(self)} runs, {ended} ended early)"
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Which runs went on to their end (N,)."""
+        return np.array([stop is None for stop in self.stop], dtype=bool)
+
+    @classmethod
+    def empty(cls, loop: ClosedLoopModel, count: int, times: FloatArray) -> RobotRuns:
+        """Return runs none of which was made.
+
+        Parameters
+        ----------
+        loop : ClosedLoopModel
+            The robot.
+        count : int
+            How many.
+        times : (S,) array
+            Of the samples; none for no histories.
+        """
+        model, n = loop.model, len(loop.actuated)
+        q, v = np.full((count, model.nq), np.nan), np.full((count, model.nv), np.nan)
+        force, mean_force, error, mean_error = np.full((4, count, n), np.nan)
+        gap, margin = np.full((2, count), np.nan)
+        sizes = {"q": model.nq, "v": model.nv, "a": model.nv, "forces": n, "asked": n}
+        past = {name: np.full((count, len(times), size), np.nan) for name, size in sizes.items()}
+        stop = Stop(INTERRUPTED, 0.0, "the run was not made")
+        return cls(
+            loop,
+            np.zeros(count),
+            q,
+            v,
+            (stop,) * count,
+            force,
+            mean_force,
+            error,
+            mean_error,
+            gap,
+            margin,
+            np.zeros(count, dtype=bool),
+            times,
+            past if len(times) else {},
+        )
+
+
+_BLOCK = 256  # runs between two looks at Ctrl-C, for every thread
+_CLOSING = 1e-6  # share of its velocity by which a start may open its loops
 EQUAL_STEPS = Integration(scheme="rk4")
 AT_1_KHZ = ControlLoop(rate=1000.0)
 _PLAIN = ("q", "v", "kp", "kd", "forces", "saturation", "seed")
@@ -88,10 +185,6 @@ def simulate_robot_many(
     threads : int, optional
         Most threads; by default the environment's ``P3DOF_THREADS``, else all processors.
 
-    Returns
-    -------
-    RobotRuns
-
     Raises
     ------
     InputError
@@ -100,7 +193,8 @@ def simulate_robot_many(
         If the robot cannot be compiled.
     """
     begun = clock.perf_counter()
-    check_robot(loop, control, integration)
+    require_robot(loop)
+    require_settings(control, integration)
     if integration.scheme != "rk4":
         raise InputError(f"integration: expected the scheme 'rk4', got {shown(integration.scheme)}")
     end = positive("duration", duration, InputError)
@@ -184,8 +278,7 @@ class _Many:
         """Where forces are cut off, (n,) or (N, n)."""
         if "saturation" in self.columns:
             return self.columns["saturation"]
-        effort = np.asarray(self.loop.model.upperEffortLimit)[self.loop.actuated_v]
-        return self.control.largest_forces(np.where(effort > 0, effort, np.inf), len(effort))
+        return largest_forces(self.loop, self.control)
 
     def in_c(self, acting: Acting, result: RobotRuns, progress: Progress | None, threads: int) -> None:
         """Make the runs, and by the robot itself those that are not to be trusted."""
@@ -256,7 +349,7 @@ class _Many:
         """Make a run: its figures are those of the control ticks, and the end is none."""
         loop, controller, control = self._differing(i)
         external: ExternalOverTime = {name: self._row(f"external.{name}", i) for name in self.frames}
-        ticks = math.ceil(self.end * (control.rate or 1 / self.integration.step) - 1e-9)
+        ticks = math.ceil(self.end * (control.rate or 1 / self.integration.step) - EDGE)
         made = partial(
             simulate_robot,
             loop,

@@ -1,32 +1,89 @@
-"""What a run is given in groups: where it starts, how its controller acts, how it is integrated."""
+"""What a run is given: start, control, integration, and how long it may take."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, FrozenArrays, as_floats, frozen_array, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.runs.encoders import Encoders, Noise
-from p3dof.runs.work import TIME_LIMIT
+from p3dof.runs.actuation import Encoders, Noise
 
-SCHEMES = ("dop853", "rk4")
-"""How runs are integrated."""
+TIME_LIMIT = 3600.0
+"""Longest estimated time of a run, if nobody says otherwise [s]."""
 
-LEAST_RTOL = 2.3e-14
-"""Below, rounding hides the error of a step."""
+MAX_SAMPLES = 1_000_000  # most samples of a run: each takes about 4 kB
 
-_SHARE = 1e-9
-"""Share of a period below which a rest of it is rounding."""
+_EVALUATION = {"virtual-power": 4e-5, "compiled": 1.5e-5, "pinocchio": 3e-4}
+_EVALUATION |= {"C": 2e-7, "C and Python": 1e-6}
+"""Time of an evaluation of the equations of motion with a controller, by method, on one core [s]."""
 
-_STABLE = 6.0
-"""Longest step of DOP853 in time constants of a lag."""
+_PER_STEP, _PER_SAMPLE = 14, 3  # evaluations of a step of DOP853 that begins anew, and of what a sample takes
+
+_SLOWEST = 2.0  # steps a second of a machine that swings freely, without controller and longest step [Hz]
+
+
+class Work(NamedTuple):
+    """What a run will take."""
+
+    steps: float  # of the integrator, at least
+    seconds: float  # on the clock, about
+
+
+def estimate(
+    method: str, duration: float, samples: int, rate: float | None = None, max_step: float = math.inf
+) -> Work:
+    """Return what a run will take: it grows with duration, rate and samples, and as steps become shorter."""
+    steps = duration * max(rate or 0.0, 1 / max_step, _SLOWEST)
+    return Work(steps, _EVALUATION[method] * (_PER_STEP * steps + _PER_SAMPLE * samples))
+
+
+def require_affordable(work: Work, samples: int, time_limit: float, how_to_allow: str) -> None:
+    """Raise if a run would take too long, or too much memory."""
+    require_room(samples)
+    if work.seconds > time_limit:
+        raise InputError(
+            f"the run would take about {_in_words(work.seconds)} ({work.steps:.2g} steps), the limit is "
+            f"{_in_words(time_limit)}: choose a shorter duration, a lower rate, a longer max_step, fewer "
+            f"samples or the method 'compiled', or allow it by {how_to_allow}"
+        )
+
+
+def require_room(samples: int) -> None:
+    """Raise if a run would take too much memory."""
+    if samples > MAX_SAMPLES:
+        raise InputError(f"samples: expected at most {MAX_SAMPLES} in a run, got {samples}")
+
+
+def _in_words(seconds: float) -> str:
+    for unit, size in (("years", 3.156e7), ("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
+
+
+KINDS = ("slider stop", "tilt limit", "reach limit", "singular pose")
+"""What can end a run; the reach limit always does."""
+
+SCHEMES = ("dop853", "rk4")  # how runs are integrated
+
+LEAST_RTOL = 2.3e-14  # below, rounding hides the error of a step
+
+EDGE = 1e-9  # share of a period, of a hold or of a step below which a rest of it is rounding
+
+_STABLE = 6.0  # longest step of DOP853 in time constants of a lag
 
 STIFFEST = 1e3
 """Largest stabilisation: what it makes of rounding in the gaps stays below the accuracy asked of a step."""
+
+
+_ZERO = (0.0, 0.0, 0.0)
+_ZEROS = frozen_array("zero", _ZERO, (3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +104,13 @@ class InitialState(FrozenArrays):
         If shapes do not fit, a number is not finite, or both the platform and the joints are given.
     """
 
-    pose: ArrayLike = (0.0, 0.0, 0.0)
-    velocity: ArrayLike = (0.0, 0.0, 0.0)
+    pose: ArrayLike = _ZERO
+    velocity: ArrayLike = _ZERO
     joints: tuple[ArrayLike, ArrayLike] | None = None
 
     def __post_init__(self) -> None:
-        pose = frozen_array("pose", self.pose, (3,))
-        velocity = frozen_array("velocity", self.velocity, (3,))
+        pose = _ZEROS if self.pose is _ZERO else frozen_array("pose", self.pose, (3,))
+        velocity = _ZEROS if self.velocity is _ZERO else frozen_array("velocity", self.velocity, (3,))
         object.__setattr__(self, "pose", pose)
         object.__setattr__(self, "velocity", velocity)
         if self.joints is None:
@@ -78,7 +135,7 @@ class ControlLoop(FrozenArrays):
     rate : float, optional
         How often it acts, its forces held in between [Hz]; continuously by default.
     saturation : bool or array-like, shape () or (n,)
-        Cut the forces of the n actuators off at these values [N or N m]; True for those of `p3dof.Limits`, or
+        Cut the forces of the n actuators off at these values [N or N m]; True for those of its `Limits`, or
         for any robot those of its file (effort).
     noise : Noise, optional
         Errors of the measured positions and velocities of the actuated joints; needs a `rate`.
@@ -156,6 +213,13 @@ class ControlLoop(FrozenArrays):
         """How often forces change [Hz]: twice a period where they are late by a part of one; or zero."""
         return 0.0 if self.rate is None else self.rate * (2 if self.lateness[1] else 1)
 
+    @cached_property
+    def same(self) -> tuple[Any, ...]:
+        """What is the same of loops that act alike."""
+        arrays = (np.asarray(part) for part in (self.saturation, self.resolution, self.bandwidth))
+        numbers = ((part.dtype.char, part.tobytes()) for part in arrays)
+        return (self.rate, self.noise, self.differencing, self.delay, *numbers)
+
     @property
     def quickest(self) -> float:
         """How long steps may be at most for the lag of the drives [s]; infinite without."""
@@ -167,9 +231,9 @@ class ControlLoop(FrozenArrays):
     def lateness(self) -> tuple[int, float]:
         """The delay in whole periods, and the rest of it as a share of one."""
         periods = self.delay * (self.rate or 0.0)
-        whole = math.floor(periods + _SHARE)
+        whole = math.floor(periods + EDGE)
         rest = periods - whole
-        return whole, rest if rest > _SHARE else 0.0
+        return whole, rest if rest > EDGE else 0.0
 
     def encoders(self, count: int = 3) -> Encoders | None:
         """Return the encoders of a run with n joints; None if they tell the joints as they are.
@@ -203,7 +267,7 @@ class ControlLoop(FrozenArrays):
         return 1.0 / self.rate if self.rate else 0.0
 
     def largest_forces(self, limits: ArrayLike, count: int = 3) -> FloatArray:
-        """Return where the forces of the actuators are cut off, shape (n,) [N or N m].
+        """Return where the forces of the actuators are cut off, shape (n,) [N or N m], or infinity.
 
         Parameters
         ----------
@@ -211,11 +275,6 @@ class ControlLoop(FrozenArrays):
             Those of the machine [N or N m].
         count : int
             How many actuators there are, n.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Infinite for not at all.
 
         Raises
         ------
@@ -238,15 +297,16 @@ class Integration:
         its energy to 1e-9 of the kinetic, and its loops closed to 1e-11 m.
     max_step : float, optional
         Longest step of DOP853 [s]. By default 2 ms where a function of time or of the state, other than
-        `p3dof.Springs`, acts continuously, which could change for a moment between longer steps; else
+        `p3dof.runs.Springs`, acts continuously, which could change for a moment between longer steps; else
         unlimited.
     stabilisation : float
         β of Baumgarte's stabilisation of the closures [1/s], for ``method="pinocchio"``.
     time_limit : float
         Longest time that the run may take on the clock [s], as estimated before it starts.
     scheme : {"dop853", "rk4"}
-        DOP853, of order 8 with adaptive steps; or the classical method of order 4 in equal ones, which end at
-        every change of the forces: for controllers that act often, and for `p3dof.Manipulator.simulate_many`.
+        DOP853, of order 8 with adaptive steps, and one of order 5 from tick to tick where its error is far
+        below the tolerance; or the classical method of order 4 in equal ones, which end at every change of
+        the forces: for controllers that act often, and for `p3dof.Manipulator.simulate_many`.
     step : float
         Longest step of rk4 [s].
 
@@ -286,6 +346,13 @@ class Integration:
         return otherwise if self.max_step is None else self.max_step
 
 
+def require_settings(control: Any, integration: Any) -> None:
+    """Raise `InputError` unless these are a `ControlLoop` and an `Integration`."""
+    for name, value, kind in (("control", control, ControlLoop), ("integration", integration, Integration)):
+        if not isinstance(value, kind):
+            raise InputError(f"{name}: expected {kind.__name__}(...), got {shown(value)}")
+
+
 def _each_of(name: str, value: ArrayLike, endless: bool = False) -> FloatArray:
     """Return one number, or one an actuator; infinity where that has a meaning."""
     array = np.array(as_floats(name, value))
@@ -300,3 +367,7 @@ def _for_all(name: str, value: ArrayLike, count: int, what: str = "number") -> F
     if array.shape not in ((), (count,)):
         raise InputError(f"{name}: expected one {what} or {count}, got {len(array)}")
     return np.array(np.broadcast_to(array, count))
+
+
+AT_HOME, CONTINUOUS, PRECISE = InitialState(), ControlLoop(), Integration()
+"""How a run of the machine starts, is controlled and integrated where nothing is said."""

@@ -8,6 +8,7 @@ import hashlib
 import json
 import re
 import secrets
+import time
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -15,7 +16,6 @@ from typing import Any, TypeAlias
 from p3dof._base.checks import one_line
 from p3dof._base.errors import InputError, MissingExtraError, P3dofError
 from p3dof._base.files import parse_json
-from p3dof.viewer.limits import Allowance, Outbox
 
 try:
     from tornado.iostream import IOStream, StreamClosedError
@@ -62,40 +62,20 @@ _RETURN_POLICY = (
 
 
 def packed(message: Message) -> str:
-    """Return a message as JSON.
-
-    Parameters
-    ----------
-    message : dict
-        Plain data, without NaN.
-
-    Returns
-    -------
-    str
-    """
+    """Return a message as JSON."""
     return json.dumps(message, allow_nan=False, separators=(",", ":"))
 
 
 @dataclass(eq=False)
 class Channel:
-    """One kind of connection of the pages.
+    """One kind of connection of the pages."""
 
-    Parameters
-    ----------
-    greeting : callable
-        Returns what a page is sent first.
-    received : callable, optional
-        Takes the messages of the pages; without it they are refused.
-    pages : set
-        Those that are open.
-    fresh : Outbox
-        What is to be handed to them.
-    """
-
-    greeting: Callable[[], list[Any]]
+    greeting: Callable[[], list[Any]]  # returns what a page is sent first
     received: Callable[[Message, PageHandler], None] | None = None
-    pages: set[PageHandler] = field(default_factory=set)
+    """Takes the messages of the pages; without it they are refused."""
+    pages: set[PageHandler] = field(default_factory=set)  # those that are open
     fresh: Outbox = field(default_factory=lambda: Outbox(MAX_WAITING, MAX_WAITING_BYTES))
+    """What is to be handed to them."""
 
     def renewed(self) -> Outbox:
         """Take what is to be handed to the pages, and begin anew."""
@@ -141,18 +121,10 @@ class LocalHandler(RequestHandler):
 
 @dataclass(frozen=True)
 class Source:
-    """What a path is answered with.
+    """What a path is answered with."""
 
-    Parameters
-    ----------
-    content : callable
-        Returns the bytes, as they are then.
-    kind : str
-        Their media type.
-    """
-
-    content: Callable[[], bytes]
-    kind: str
+    content: Callable[[], bytes]  # returns the bytes, as they are then
+    kind: str  # their media type
 
 
 class FileHandler(LocalHandler):
@@ -314,3 +286,55 @@ class _Paced(WebSocketProtocol13):
             self._begins = False
             await self.handler.require_mask(data)
         return data
+
+
+class Allowance:
+    """So many a second, and so many at once; what is not used is saved up to that number."""
+
+    def __init__(self, rate: float, burst: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._rate, self._burst, self._clock = rate, burst, clock
+        self._left, self._since = burst, clock()
+
+    def take(self) -> bool:
+        """Take one; return whether there was one left."""
+        now = self._clock()
+        self._left = min(self._burst, self._left + self._rate * (now - self._since))
+        self._since = now
+        if self._left < 1:
+            return False
+        self._left -= 1
+        return True
+
+
+class Outbox:
+    """Messages in the order in which they are to go, of those with the same key only the latest."""
+
+    def __init__(self, most: int, most_bytes: int) -> None:
+        self._most, self._most_bytes = most, most_bytes
+        self._waiting: dict[Hashable, bytes | str] = {}
+        self._bytes = 0
+        self.full = False
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, message: bytes | str, key: Hashable = None) -> bool:
+        """Add a message, in place of an earlier one with its key; whether it was taken."""
+        key = object() if key is None else key
+        self._bytes += len(message) - len(self._waiting.pop(key, ""))
+        self.full = self.full or len(self._waiting) >= self._most or self._bytes > self._most_bytes
+        if self.full:
+            self._waiting.clear()
+            self._bytes = 0
+            return False
+        self._waiting[key] = message
+        return True
+
+    def pop(self) -> tuple[Hashable, bytes | str] | None:
+        """Take the message that has waited longest, with its key; None when none waits."""
+        if not self._waiting:
+            return None
+        key = next(iter(self._waiting))
+        message = self._waiting.pop(key)
+        self._bytes -= len(message)
+        return key, message

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.files import scratch_folder
@@ -40,46 +40,32 @@ SIZE = (960, 720)
 
 _READY = "typeof viewer === 'object' && viewer.renderer.domElement.width > 0"
 _HIDE = """
-for (const part of [viewer.gui.domElement, document.getElementById('licences')]) part.style.display = 'none';
+const parts = [viewer.gui.domElement, ...document.querySelectorAll('#licences, #player')];
+for (const part of parts) part.style.display = 'none';
 """
 _Result = TypeVar("_Result")
 
 
-class AnyShooter(Protocol):
-    """Takes pictures of an open page."""
-
-    def picture(self, time: float | None = None) -> bytes:
-        """Return the page as PNG, at a time if it plays something [s]."""
-
-
 class Shooter:
-    """A scene of MeshCat in an open page, to take pictures of.
-
-    Parameters
-    ----------
-    page : playwright.sync_api.Page
-        Showing a page of `p3dof.viewer.pages`.
-    """
+    """Takes pictures of an open page: of a scene of MeshCat."""
 
     def __init__(self, page: Any) -> None:
         self._page = page
         page.wait_for_function(_READY)
         page.evaluate(_HIDE)
 
-    def picture(self, time: float | None = None) -> bytes:  # noqa: ARG002 - nothing moves here
-        """Return the scene as PNG."""
+    def picture(self, time: float | None = None) -> bytes:
+        """Return the scene as PNG: as it is, or at a time of its animation [s]."""
+        if time is not None:
+            self._page.evaluate(
+                "time => { viewer.animator.pause(); viewer.animator.seek(time); }", float(time)
+            )
         self._page.evaluate("viewer.render()")
         return bytes(self._page.screenshot(type="png"))
 
 
-class PageShooter:
-    """The same for a page of `p3dof.viewer.document`, of which only the machine is seen.
-
-    Parameters
-    ----------
-    page : playwright.sync_api.Page
-        Showing it.
-    """
+class PageShooter(Shooter):
+    """Likewise of a page of `p3dof.viewer.document`, of which only the machine is seen."""
 
     def __init__(self, page: Any) -> None:
         self._page = page
@@ -93,46 +79,25 @@ class PageShooter:
 
 
 @contextmanager
-def opened(
-    html: str, size: tuple[int, int], shooter: Callable[[Any], AnyShooter] = Shooter
-) -> Iterator[AnyShooter]:
-    """Open a page that needs nothing else, with the network off.
-
-    Parameters
-    ----------
-    html : str
-        The page.
-    size : tuple of int
-        Width and height [pixels].
-    shooter : callable
-        What takes pictures of such a page: `Shooter` or `PageShooter`.
-
-    Yields
-    ------
-    Shooter or PageShooter
-
-    Raises
-    ------
-    MissingExtraError
-        If playwright or a browser is missing, or it does not start.
-    InputError
-        If the size does not fit.
-    """
+def opened(html: str, size: tuple[int, int], shooter: type[Shooter] = Shooter) -> Iterator[Shooter]:
+    """Open a page that needs nothing else, with the network off, to take pictures of it."""
     width, height = checked_size(size)
-    with browser_of_system() as browser, scratch_folder() as folder:
-        file = folder / "page.html"
-        file.write_text(html, encoding="utf-8")
-        context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
-        page = context.new_page()
-        page.goto(file.as_uri())
+    with _page_of(html, viewport={"width": width, "height": height}) as page:
         yield shooter(page)
 
 
+@contextmanager
+def _page_of(html: str, **context: Any) -> Iterator[Any]:
+    with browser_of_system() as browser, scratch_folder() as folder:
+        file = folder / "page.html"
+        file.write_text(html, encoding="utf-8")
+        page = browser.new_context(offline=True, **context).new_page()
+        page.goto(file.as_uri())
+        yield page
+
+
 def picture_of(
-    html: str,
-    size: tuple[int, int],
-    time: float | None = None,
-    shooter: Callable[[Any], AnyShooter] = Shooter,
+    html: str, size: tuple[int, int], time: float | None = None, shooter: type[Shooter] = Shooter
 ) -> bytes:
     """Return a page as PNG; see `opened` and `Shooter.picture`."""
 
@@ -143,45 +108,17 @@ def picture_of(
     return aside(take)
 
 
-def picture(html: str) -> Any:
-    """Return a page of `p3dof.viewer.pages` as a `PIL.Image`.
-
-    Raises
-    ------
-    MissingExtraError
-        If playwright or a browser is missing.
-    """
-    return as_image(picture_of(html, SIZE))
-
-
 def pdf_of(html: str) -> bytes:
     """Return a page as PDF: as its style sheet has it for print, without scripts, with the network off.
 
-    Parameters
-    ----------
-    html : str
-        The page, with all that it needs.
-
-    Returns
-    -------
-    bytes
-        With the title and page numbers on each page, an outline of the headings, and tags for screen readers.
-
-    Raises
-    ------
-    MissingExtraError
-        If playwright or a browser is missing, or it does not start.
+    With the title and page numbers on each page, an outline of the headings, and tags for screen readers.
     """
     style = "font: 8px sans-serif; width: 100%; margin: 0 14mm; color: #565656; display: flex; gap: 2em"
     number = "<span class='pageNumber'></span>&nbsp;/&nbsp;<span class='totalPages'></span>"
     title = "<span class='title' style='flex: 1; overflow: hidden; white-space: nowrap'></span>"
 
     def take() -> bytes:
-        with browser_of_system() as browser, scratch_folder() as folder:
-            file = folder / "page.html"
-            file.write_text(html, encoding="utf-8")
-            page = browser.new_context(offline=True, java_script_enabled=False).new_page()
-            page.goto(file.as_uri())
+        with _page_of(html, java_script_enabled=False) as page:
             pdf: bytes = page.pdf(
                 prefer_css_page_size=True,
                 print_background=True,
@@ -204,17 +141,7 @@ def aside(work: Callable[[], _Result]) -> _Result:
 
 @contextmanager
 def browser_of_system() -> Iterator[Any]:
-    """Run the system's browser.
-
-    Yields
-    ------
-    playwright.sync_api.Browser
-
-    Raises
-    ------
-    MissingExtraError
-        If playwright or a browser is missing, or it does not start.
-    """
+    """Run the system's browser."""
     sync_api = require_playwright()
     sandbox = () if os.name == "nt" or os.geteuid() else ("--no-sandbox",)  # as root it would not start
     with sync_api.sync_playwright() as playwright:
@@ -243,13 +170,7 @@ def require_playwright() -> Any:
 
 
 def find_browser(playwright: Any) -> str:
-    """Return the path of a browser: the user's choice, the system's, or the one that playwright brings.
-
-    Raises
-    ------
-    MissingExtraError
-        If there is none.
-    """
+    """Return the path of a browser: the user's choice, the system's, or the one that playwright brings."""
     chosen = os.environ.get("CHROMIUM")
     found = chosen or next(filter(None, map(shutil.which, NAMES)), None)
     own: str = playwright.chromium.executable_path
@@ -261,13 +182,7 @@ def find_browser(playwright: Any) -> str:
 
 
 def checked_size(size: Any) -> tuple[int, int]:
-    """Return width and height as whole numbers of pixels.
-
-    Raises
-    ------
-    InputError
-        If they are none, or too small or large.
-    """
+    """Return width and height as whole numbers of pixels."""
     fits = isinstance(size, tuple | list) and len(size) == 2 and all(type(n) is int for n in size)
     if not (fits and all(16 <= n <= MAX_PIXELS for n in size)):
         got = f"({size[0]}, {size[1]})" if fits else f"a {type(size).__name__}"
@@ -276,13 +191,7 @@ def checked_size(size: Any) -> tuple[int, int]:
 
 
 def as_image(png: bytes) -> Any:
-    """Return a picture as a `PIL.Image`.
-
-    Raises
-    ------
-    MissingExtraError
-        If Pillow, which MeshCat brings, is not installed.
-    """
+    """Return a picture as a `PIL.Image`."""
     try:
         from PIL import Image
     except ImportError as error:

@@ -10,11 +10,17 @@ import asyncio
 import atexit
 import contextlib
 import errno
+import logging
 import secrets
 import socket
+import sys
 import threading
 from collections.abc import Hashable, Mapping
+from typing import Any
 
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.iostream import IOStream
 from typing_extensions import Self
 
 from p3dof._base.checks import shown
@@ -33,37 +39,7 @@ _PATIENCE = 10.0
 
 
 class Host:
-    """Serves files and websockets on 127.0.0.1, until it is stopped or the process ends.
-
-    Parameters
-    ----------
-    files : mapping of str to Source
-        What each path is answered with.
-    channels : mapping of str to Channel
-        The websockets by path.
-    port : int, optional
-        The port, 0 for any; the first free one from 7000 on by default.
-    policy : str
-        What the pages may reach, as of `Content-Security-Policy`, with ``{host}`` for this host.
-    token : str, optional
-        What a page has to know; a new one with every host by default.
-    max_message : int
-        Longest message that a page may send [bytes].
-
-    Attributes
-    ----------
-    port : int
-        The port.
-    url : str
-        Where the page is, with the token that it asks for.
-
-    Raises
-    ------
-    InputError
-        If the port is not one, is busy, or may not be used.
-    MissingExtraError
-        If tornado, which MeshCat brings, is not installed.
-    """
+    """Serves files and websockets on 127.0.0.1, until it is stopped or the process ends."""
 
     def __init__(
         self,
@@ -103,18 +79,7 @@ class Host:
         return self._thread.is_alive()
 
     def post(self, message: bytes | str, key: Hashable, channel: Channel) -> None:
-        """Send a message to all pages of a channel; may be called from any thread.
-
-        Parameters
-        ----------
-        message : bytes or str
-            The message.
-        key : hashable
-            A message with a key takes the place of an earlier one that a slow page has not yet taken; None
-            for none.
-        channel : Channel
-            One of the host's.
-        """
+        """Send a message to all pages of a channel; may be called from any thread."""
         with self._lock:
             channel.fresh.put(message, key)
             posted, self._posted = self._posted, True
@@ -151,7 +116,7 @@ class Host:
         from tornado.httpserver import HTTPServer
         from tornado.web import Application
 
-        from p3dof.viewer.entrance import Entrance
+        from p3dof.viewer.host import Entrance
 
         files = [(path, FileHandler, {"source": source}) for path, source in self._files.items()]
         sockets = [(path, PageHandler, {"channel": channel}) for path, channel in self._channels.items()]
@@ -218,3 +183,108 @@ def _listening(port: int) -> socket.socket | str:
         listener.close()
         return "it is busy" if error.errno == errno.EADDRINUSE else error.strerror or str(error)
     return listener
+
+
+MOST = 256
+"""How many connections a host has at once, where the process may open files enough."""
+
+_SHARE = 4
+"""One in so many of the files that the process may open can be a connection."""
+_AT_ONCE = 64
+"""How many connections are let in before others have their turn."""
+_PAUSE = 0.5
+"""How long nobody is let in where even one connection is too many [s]."""
+_BUFFER = 1 << 20
+
+_log = logging.getLogger(__name__)
+
+
+class Entrance:
+    """Lets connections in; those that have not shown the token give way, the oldest first.
+
+    So whoever opens connections and says nothing on them keeps nobody out, nor takes the process its files.
+    """
+
+    def __init__(self, listener: socket.socket, server: HTTPServer) -> None:
+        self._listener, self._server = listener, server
+        self._most = min(MOST, max(_most_files() // _SHARE, 1))
+        self._streams: dict[IOStream, bool] = {}
+        self._told = False
+        self._loop = IOLoop.current()
+        self._waiting: object | None = None
+        self._loop.add_handler(listener, self._accept, IOLoop.READ)
+
+    def know(self, stream: IOStream) -> None:
+        """Keep a connection, which has shown the token, whoever else may come."""
+        if stream in self._streams:
+            self._streams[stream] = True
+
+    def close(self) -> None:
+        """Let nobody in any more."""
+        if self._waiting is None:
+            self._loop.remove_handler(self._listener)
+        else:
+            self._loop.remove_timeout(self._waiting)
+        self._listener.close()
+
+    def _accept(self, *_events: Any) -> None:
+        for _ in range(_AT_ONCE):
+            try:
+                connection, address = self._listener.accept()
+            except BlockingIOError:
+                return
+            except ConnectionAbortedError:
+                continue
+            except OSError as error:  # of files or memory, none is left in this process or system
+                self._tell(error.strerror or str(error))
+                if not self._one_gives_way():
+                    self._pause()
+                return
+            self._admit(connection, address)
+
+    def _admit(self, connection: socket.socket, address: Any) -> None:
+        self._streams = {stream: known for stream, known in self._streams.items() if not stream.closed()}
+        if len(self._streams) < self._most // 2:
+            self._told = False
+        if len(self._streams) >= self._most:
+            self._tell(f"there are {self._most}")
+            if not self._one_gives_way():
+                connection.close()
+                return
+        stream = IOStream(connection, max_buffer_size=_BUFFER)
+        self._streams[stream] = False
+        self._server.handle_stream(stream, address)
+
+    def _one_gives_way(self) -> bool:
+        """Close the oldest connection that has not shown the token; return whether there was one."""
+        for stream, known in tuple(self._streams.items()):
+            if not known:
+                del self._streams[stream]
+                if not stream.closed():
+                    stream.close()
+                    return True
+        return False
+
+    def _pause(self) -> None:
+        self._loop.remove_handler(self._listener)
+        self._waiting = self._loop.call_later(_PAUSE, self._resume)
+
+    def _resume(self) -> None:
+        self._waiting = None
+        self._loop.add_handler(self._listener, self._accept, IOLoop.READ)
+
+    def _tell(self, reason: str) -> None:
+        """Say once, until there is room again, that connections are closed."""
+        if not self._told:
+            self._told = True
+            _log.warning("p3dof: connections to the page are closed that have not asked for it (%s)", reason)
+
+
+def _most_files() -> int:
+    """Return how many files the process may open."""
+    if sys.platform == "win32":
+        return _SHARE * MOST
+    import resource
+
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return _SHARE * MOST if most == resource.RLIM_INFINITY else most

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import webbrowser
 from collections.abc import Callable
@@ -11,9 +12,9 @@ from typing_extensions import Self
 
 from p3dof._base.checks import frozen_array, shown
 from p3dof._base.errors import InputError, MissingExtraError
-from p3dof.viewer.document.html import page_html
-from p3dof.viewer.document.saved import HEIGHT, Page
-from p3dof.viewer.page_server import PageServer
+from p3dof.viewer.connections import Channel, PageHandler, Source
+from p3dof.viewer.document.html import HEIGHT, Page, page_html
+from p3dof.viewer.host import Host
 from p3dof.viewer.session import Answerer, Message, Session
 
 
@@ -22,31 +23,6 @@ class LiveViewer:
 
     Whole runs are sent to the pages, never frames: each page has its own time, and so two pages can look at
     two instants. A page that has lost its viewer goes on with what it has, and finds it again after `start`.
-
-    Parameters
-    ----------
-    document : dict
-        What the page shows first, as of `p3dof.viewer.document`.
-    run_of : callable, optional
-        Returns the run of what is given to `show`.
-    answerer : callable, optional
-        Answers a page that cannot compute the machine by itself.
-    port : int, optional
-        Of the server, 0 for any; the first free one from 7000 on by default.
-
-    Attributes
-    ----------
-    session : Session
-        What the pages show.
-    server : PageServer
-        What serves it.
-
-    Raises
-    ------
-    InputError
-        If the port is busy.
-    MissingExtraError
-        If tornado, which the extra ``viz`` brings, is not installed.
     """
 
     def __init__(
@@ -94,16 +70,7 @@ class LiveViewer:
         """Return the page as a widget for a notebook, whose kernel may run on another machine.
 
         Every cell that shows it has a page with its own time. What is shown is not kept in the notebook's
-        file; a `p3dof.viewer.document.Page` is.
-
-        Returns
-        -------
-        PageWidget
-
-        Raises
-        ------
-        MissingExtraError
-            If anywidget, which the extra ``jupyter`` brings, is not installed.
+        file; a `p3dof.viewer.Page` is.
         """
         from p3dof.viewer.widget import PageWidget
 
@@ -135,14 +102,8 @@ class LiveViewer:
 
     @property
     def guest(self) -> Any:
-        """MeshCat's visualizer for what is to be drawn beside the machine: ``guest["box"].set_object(...)``.
-
-        Raises
-        ------
-        MissingExtraError
-            If MeshCat is not installed.
-        """
-        from p3dof.viewer.guests import guest_of
+        """MeshCat's visualizer for what is to be drawn beside the machine: `guest["box"].set_object(...)`."""
+        from p3dof.viewer.server import guest_of
 
         with self._making:
             if self._guest is None:
@@ -150,30 +111,13 @@ class LiveViewer:
             return self._guest
 
     def show(self, result: Any, name: str | None = None, **options: Any) -> Self:
-        """Show a run in all pages, in place of one with its name or beside the others.
-
-        Parameters
-        ----------
-        result : object
-            Of this machine, as what the viewer was made with.
-        name : str, optional
-            What the run is called.
-        **options
-            As of the function that made the viewer, such as ``wrench``.
-
-        Returns
-        -------
-        LiveViewer
-
-        Raises
-        ------
-        InputError
-            If it is no run of this machine.
-        """
+        """Show a run in all pages, in place of one with its name or beside the others."""
         if self._run_of is None:
             raise InputError(f"result: this viewer shows one document, and not {shown(result)}")
+        if not isinstance(name, str | None):
+            raise InputError(f"name: expected text, got {shown(name)}")
         run = self._run_of(result, **options)
-        self.session.show_run(run if name is None else {**run, "name": _text("name", name)})
+        self.session.show_run(run if name is None else {**run, "name": name})
         return self
 
     def seek(self, time: float) -> Self:
@@ -184,22 +128,8 @@ class LiveViewer:
     def follow(self, follower: Callable[[Any], None], what: str = "selection") -> Self:
         """Call a function with what is looked at in a page, or with its waypoints, as it changes.
 
-        Parameters
-        ----------
-        follower : callable
-            Takes a dict with ``time`` [s], ``run`` and, if moved by hand, ``pose`` or ``q``; or a list of
-            waypoints. It is called in a thread of its own, with the latest only.
-        what : {"selection", "waypoints"}
-            What is followed.
-
-        Returns
-        -------
-        LiveViewer
-
-        Raises
-        ------
-        InputError
-            If it cannot be called, or there is nothing of that name.
+        `follower`: takes a dict with ``time`` [s], ``run`` and, if moved by hand, ``pose`` or ``q``; or a
+        list of waypoints. It is called in a thread of its own, with the latest only.
         """
         if not callable(follower):
             raise InputError(f"follower: expected a function, got {shown(follower)}")
@@ -243,7 +173,44 @@ class LiveViewer:
         return page_html(self.session.document, f"server {self.session.version}", hosts)
 
 
-def _text(name: str, value: object) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{name}: expected text, got {shown(value)}")
-    return value
+SOCKET = "/page"
+MAX_MESSAGE = 1 << 18
+"""Longest message that a page may send [bytes]: a list of thousands of waypoints."""
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; media-src blob:; connect-src ws://{host}; base-uri 'none'; form-action 'none'"
+)
+"""The page itself allows one script only, by its hash."""
+
+
+class PageServer(Host):
+    """Serves the page of a session on 127.0.0.1, until it is stopped or the process ends."""
+
+    def __init__(
+        self, session: Session, page: Callable[[], str], port: int | None = None, token: str | None = None
+    ) -> None:
+        self._session = session
+        self._channel = Channel(session.greeting, self._received)
+        files = {"/": Source(lambda: page().encode(), "text/html")}
+        super().__init__(files, {SOCKET: self._channel}, port, _POLICY, token, MAX_MESSAGE)
+        self._unsubscribe = session.subscribe(lambda data, key: self.post(data, key, self._channel))
+
+    @property
+    def pages(self) -> int:
+        """How many pages are open now."""
+        return len(self._channel.pages)
+
+    def stop(self) -> None:
+        """End the thread, close the pages' connections and free the port; may be called more than once."""
+        self._unsubscribe()
+        super().stop()
+
+    def _received(self, message: Message, page: PageHandler) -> None:
+        loop = asyncio.get_running_loop()
+
+        def reply(data: bytes, key: object) -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(page.put, data, key)
+
+        self._session.received(message, page, reply)

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import resources
+from typing import Any
 
 from p3dof.viewer.connections import Channel, Source
 from p3dof.viewer.host import Host
-from p3dof.viewer.window import SceneWindow
+from p3dof.viewer.session import Session
+from p3dof.viewer.window import SceneWindow, meshcat_script
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -22,27 +24,11 @@ _FILES = {
     "/pane.js": ("pane.js", "text/javascript"),
     "/fit.js": ("fit.js", "text/javascript"),
     "/scene.js": ("scene.js", "text/javascript"),
-    "/meshcat.js": ("main.min.js", "text/javascript"),
 }
 
 
 class Server(Host):
-    """Serves a scene on 127.0.0.1 from a thread of its own, until it is stopped or the process ends.
-
-    Parameters
-    ----------
-    window : SceneWindow
-        The scene.
-    port : int, optional
-        The port, 0 for any; the first free one from 7000 on by default.
-
-    Raises
-    ------
-    InputError
-        If the port is not one, is busy, or may not be used.
-    MissingExtraError
-        If tornado or MeshCat is not installed.
-    """
+    """Serves a scene on 127.0.0.1 from a thread of its own, until it is stopped or the process ends."""
 
     def __init__(self, window: SceneWindow, port: int | None = None) -> None:
         self._window = window
@@ -58,22 +44,26 @@ class Server(Host):
             self._window.web_url = ""
         super().stop()
 
+    @property
+    def watched(self) -> bool:
+        """Whether a page is open."""
+        return bool(self._scenes.pages)
+
     def _draw(self, message: bytes) -> None:
         self.post(message, subject_of(message), self._scenes)
 
 
 class ServedWindow(SceneWindow):
-    """A scene with a server of its own, which `close` ends.
-
-    Attributes
-    ----------
-    server : Server or None
-        The server, once there is one.
-    """
+    """A scene with a server of its own, which `close` ends."""
 
     def __init__(self) -> None:
         super().__init__()
         self.server: Server | None = None
+
+    @property
+    def watched(self) -> bool:
+        """Whether a page is open."""
+        return self.server is not None and self.server.watched
 
     def close(self) -> None:
         """End the server."""
@@ -91,17 +81,23 @@ def subject_of(message: bytes) -> bytes | None:
 
 def _files(token: Callable[[], str]) -> dict[str, Source]:
     """Return the files of the page, which asks for the others with the token."""
-    page, meshcat = resources.files("p3dof.viewer") / "page", resources.files("meshcat") / "viewer" / "dist"
-    found: dict[str, Source] = {}
-    for path, (file, kind) in _FILES.items():
-        folder = meshcat if file == "main.min.js" else page
-        content = (folder / file).read_bytes()
-        found[path] = _source(content, kind, token if path == "/" else None)
+    page = resources.files("p3dof.viewer") / "page"
+    found = {path: _source((page / file).read_bytes(), kind) for path, (file, kind) in _FILES.items()}
+    found["/meshcat.js"] = _source(meshcat_script(), "text/javascript")
+    first = found["/"].content()
+    found["/"] = Source(lambda: first.replace(b"@TOKEN@", token().encode()), "text/html")
     return found
 
 
-def _source(content: bytes, kind: str, token: Callable[[], str] | None) -> Source:
-    """Return a file, with the token filled in where it has a place for it."""
-    if token is None:
-        return Source(lambda: content, kind)
-    return Source(lambda: content.replace(b"@TOKEN@", token().encode()), kind)
+def _source(content: bytes, kind: str) -> Source:
+    return Source(lambda: content, kind)
+
+
+def guest_of(session: Session, window: SceneWindow | None = None) -> Any:
+    """Return a visualizer whose drawings appear in the pages of a session."""
+    shown = SceneWindow() if window is None else window
+    import meshcat
+
+    draw = session.draw_guests(shown.messages)
+    shown.subscribe(lambda command: draw(command, subject_of(command)))
+    return meshcat.Visualizer(window=shown)

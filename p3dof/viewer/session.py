@@ -1,20 +1,20 @@
-"""`Session`: what the pages of one machine are told, and what they are answered, whatever carries it.
-
-Down go ``hello``, ``document``, ``run``, ``seek``, ``answer``, ``guest`` and ``error``; up come ``get``,
-``ask``, ``selection`` and ``waypoints``. Whole runs are sent, never frames: each page owns its time.
-"""
+"""What the pages of one machine are told, and what they are answered, whatever carries it."""
 
 from __future__ import annotations
 
+import base64
 import itertools
+import json
 import logging
+import struct
 import threading
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from p3dof._base.checks import one_line, shown
-from p3dof._base.errors import InputError, P3dofError
-from p3dof.viewer.messages import packed_message
+from p3dof._base.errors import FileError, InputError, P3dofError
 
 Message: TypeAlias = dict[str, Any]
 Answerer: TypeAlias = Callable[[Mapping[str, Any]], Mapping[str, Any]]
@@ -30,26 +30,36 @@ KINDS = ("get", "ask", "selection", "waypoints")
 _log = logging.getLogger(__name__)
 
 
+class Listeners:
+    """Functions that are told what happens; may be used from several threads."""
+
+    def __init__(self) -> None:
+        self._all: list[Callable[..., None]] = []
+        self._lock = threading.Lock()
+
+    def subscribe(self, listener: Callable[..., None]) -> Callable[[], None]:
+        """Tell a function all from now on; return what ends that, which may be called more than once."""
+        with self._lock:
+            self._all.append(listener)
+
+        def unsubscribe() -> None:
+            with self._lock:
+                if listener in self._all:
+                    self._all.remove(listener)
+
+        return unsubscribe
+
+    def tell(self, *what: Any) -> None:
+        """Tell all of them."""
+        for listener in tuple(self._all):
+            listener(*what)
+
+
 class Session:
     """The document that pages show, and who answers what they ask; may be used from several threads.
 
-    Parameters
-    ----------
-    document : dict
-        As of `p3dof.viewer.document`: machine, scene and runs.
-    answerer : callable, optional
-        Answers a page that has no engine of its own; called in a thread of its own, one question at a time,
-        of each page the latest.
-
-    Attributes
-    ----------
-    version : int
-        Counts what was pushed.
-    selection : dict or None
-        What was looked at last in a page, while it is followed: ``time`` [s], ``run``, and ``pose`` or ``q``
-        if moved by hand.
-    waypoints : list
-        Those of the last page that sent some, as the page has them.
+    `answerer`: answers a page that has no engine of its own; called in a thread of its own, one question at a
+    time, of each page the latest.
     """
 
     def __init__(self, document: Message, answerer: Answerer | None = None) -> None:
@@ -59,7 +69,7 @@ class Session:
         self.selection: Message | None = None
         self.waypoints: list[Any] = []
         self._followers: dict[str, list[Callable[[Any], None]]] = {"selection": [], "waypoints": []}
-        self._listeners: list[Listener] = []
+        self._listeners = Listeners()
         self._guests: Callable[[], list[bytes]] = list
         self._lock = threading.RLock()
         self._work = _Latest()
@@ -71,15 +81,7 @@ class Session:
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
         """Pass all messages for the pages from now on to a function; return what ends that."""
-        with self._lock:
-            self._listeners.append(listener)
-
-        def unsubscribe() -> None:
-            with self._lock:
-                if listener in self._listeners:
-                    self._listeners.remove(listener)
-
-        return unsubscribe
+        return self._listeners.subscribe(listener)
 
     def greeting(self) -> list[bytes]:
         """Return what a page is told when it is connected."""
@@ -116,33 +118,12 @@ class Session:
         self._tell(self._hello(), "hello")
 
     def draw_guests(self, rebuilt: Callable[[], list[bytes]]) -> Listener:
-        """Let MeshCat's packed commands appear in the pages; return what takes those from now on.
-
-        Parameters
-        ----------
-        rebuilt : callable
-            Returns the commands that draw what there is.
-        """
+        """Let MeshCat's packed commands appear in the pages; return what takes those from now on."""
         self._guests = rebuilt
         return lambda command, key: self._tell({"type": "guest", "command": command}, key)
 
     def received(self, message: Mapping[str, Any], page: Hashable, reply: Reply) -> None:
-        """Take what a page says.
-
-        Parameters
-        ----------
-        message : mapping
-            Plain data with a ``type``.
-        page : hashable
-            Which page it is: of its questions that wait only the latest is answered.
-        reply : callable
-            Sends to this page.
-
-        Raises
-        ------
-        InputError
-            If it is nothing that a page may say.
-        """
+        """Take what a page says."""
         kind = message.get("type")
         if not isinstance(kind, str) or kind not in KINDS:
             raise InputError(f"type: expected {', '.join(KINDS[:-1])} or {KINDS[-1]}, got {shown(kind)}")
@@ -167,7 +148,8 @@ class Session:
                 raise InputError("nobody answers: the page computes by itself")
             found = dict(self._answerer(message))
         except P3dofError as error:
-            found = {"refused": one_line(str(error)), "legs": _blamed(error)}
+            leg = getattr(error, "leg", None)  # of the manipulator, where one is to blame
+            found = {"refused": one_line(str(error)), "legs": [leg] if isinstance(leg, str) else []}
         reply(packed_message({"type": "answer", "id": number, **found}), "answer")
 
     def _keep(self, kind: str, message: Mapping[str, Any]) -> None:
@@ -188,15 +170,7 @@ class Session:
         return {"type": "hello", "version": self.version, "follow": any(self._followers.values())}
 
     def _tell(self, message: Message, key: Hashable) -> None:
-        data = packed_message(message)
-        for listener in tuple(self._listeners):
-            listener(data, key)
-
-
-def _blamed(error: P3dofError) -> list[str]:
-    """Return which leg of the manipulator is to blame, if one is."""
-    leg = getattr(error, "leg", None)
-    return [leg] if isinstance(leg, str) else []
+        self._listeners.tell(packed_message(message), key)
 
 
 class _Latest:
@@ -239,3 +213,70 @@ class _Latest:
                 work()
             except Exception:
                 _log.exception("what follows a page failed")
+
+
+MAGIC = b"P3D1"
+_ALIGNED = 8
+
+
+def packed_message(message: Mapping[str, Any]) -> bytes:
+    """Return a message as a page takes it."""
+    arrays = _Arrays()
+    text = json.dumps(arrays.without(message), allow_nan=False, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % _ALIGNED)
+    return b"".join((MAGIC, struct.pack("<I", len(text)), text, *arrays.parts))
+
+
+def unpacked_message(data: bytes) -> dict[str, Any]:
+    """Return what `packed_message` has packed, with NumPy arrays."""
+    if data[:4] != MAGIC or len(data) < _ALIGNED:
+        raise FileError("expected a message of p3dof")
+    (length,) = struct.unpack("<I", data[4:8])
+    behind = data[8 + length :]
+
+    def filled(value: Any) -> Any:
+        if isinstance(value, dict) and "offset" in value and "dtype" in value:
+            dtype, shape = np.dtype(value["dtype"]).newbyteorder("<"), tuple(value["shape"])
+            count = int(np.prod(shape, dtype=int))
+            return np.frombuffer(behind, dtype, count, value["offset"]).reshape(shape)
+        if isinstance(value, dict):
+            return {key: filled(one) for key, one in value.items()}
+        return [filled(one) for one in value] if isinstance(value, list) else value
+
+    content: dict[str, Any] = filled(json.loads(data[8 : 8 + length]))
+    return content
+
+
+class _Arrays:
+    """The arrays of one message, taken out of it."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+        self._length = 0
+
+    def without(self, value: Any) -> Any:
+        """Return plain data in which every array says where it is."""
+        if isinstance(value, Mapping):
+            if "base64" in value and "dtype" in value:
+                content = base64.b64decode(value["base64"])
+                return {"shape": value["shape"], "dtype": value["dtype"], "offset": self._put(content)}
+            return {key: self.without(one) for key, one in value.items()}
+        if isinstance(value, list | tuple):
+            return [self.without(one) for one in value]
+        if isinstance(value, bytes):
+            return {"shape": [len(value)], "dtype": "uint8", "offset": self._put(value)}
+        if isinstance(value, np.ndarray):
+            order = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
+            return {
+                "shape": list(value.shape),
+                "dtype": value.dtype.name,
+                "offset": self._put(order.tobytes()),
+            }
+        return value
+
+    def _put(self, content: bytes) -> int:
+        offset = self._length
+        content += bytes(-len(content) % _ALIGNED)
+        self.parts.append(content)
+        self._length += len(content)
+        return offset

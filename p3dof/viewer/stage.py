@@ -1,16 +1,30 @@
-"""What any scene stands on and is seen by: background, camera, floor, texts, and how numbers are written."""
+"""A robot drawn in MeshCat: its solids, what it stands on and is seen by, arrows and texts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray
-from p3dof.viewer.document.measures import above, mesh_of
+from p3dof._base.checks import FloatArray, as_floats
+from p3dof._base.errors import InputError
+
+_USUAL = (0.25, 1.5)
+"""Sizes of machines that are drawn as they are [m]: MeshCat's lights and near plane are made for metres."""
+
+
+def enlargement(half: float) -> float:
+    """Return by how much something is drawn larger than it is: 1 unless its half size is far from a metre."""
+    return 1.0 if _USUAL[0] < half < _USUAL[1] else 0.6 / half
+
+
+def above(points: FloatArray, height: float) -> FloatArray:
+    """Return points, shape (..., 3), so much higher [m]."""
+    return np.asarray(points + np.array([0.0, 0.0, height]))
+
 
 TOP, BOTTOM = (1.0, 1.0, 1.0), (0.86, 0.89, 0.92)
 """Colours of the background."""
@@ -24,80 +38,28 @@ FILLED = 0.94
 """How much of the picture is filled."""
 
 
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """What the camera looks at.
-
-    Parameters
-    ----------
-    centre : ndarray, shape (3,)
-        What is in the middle of the picture [m].
-    distance : float
-        How far from it the camera is [m].
-    scale : float
-        By how much all is drawn larger than it is.
-    filled : float
-        How much of the picture is filled.
-    """
-
-    centre: FloatArray
-    distance: float
-    scale: float
-    filled: float
-
-    def share(self, points: FloatArray) -> float:
-        """Return how large points (N, 3) can be drawn so that all are in sight, in the scale; at most 1."""
-        needed = float(_distances(points - self.centre, self.filled).max(initial=0.0))
-        return min(1.0, self.distance / needed) if needed > 0 else 1.0
-
-    def transform(self, share: float = 1.0) -> FloatArray:
-        """Return the matrix that brings what is looked at to where the camera looks, drawn at some share."""
-        matrix = np.diag((*(share * self.scale,) * 3, 1.0))
-        matrix[:3, 3] = -share * self.scale * self.centre
-        return matrix
-
-
 def set_stage(
-    viewer: Any,
-    points: FloatArray,
-    scale: float,
-    middle: tuple[float, float] = (0.0, 0.0),
-    filled: float = FILLED,
-) -> Sight:
-    """Set background and camera, and move the scene so that the camera looks at what is drawn.
+    viewer: Any, points: FloatArray, scale: float, middle: tuple[float, float] = (0.0, 0.0)
+) -> None:
+    """Set background and camera, and move the scene so that the camera just sees all points (N, 3) [m].
 
-    Parameters
-    ----------
-    viewer : meshcat.Visualizer
-        The root of what is drawn.
-    points : ndarray, shape (N, 3)
-        What must be in the picture [m].
-    scale : float
-        By how much it is drawn larger than it is.
-    middle : tuple of float
-        x and y of what the camera looks at [m].
-    filled : float
-        How much of the picture is filled.
-
-    Returns
-    -------
-    Sight
-        Where the camera looks, and from how far.
+    It looks at a vertical axis through the point `middle` of the floor.
     """
     viewer["/Background"].set_property("top_color", list(TOP))
     viewer["/Background"].set_property("bottom_color", list(BOTTOM))
     viewer["/Grid"].set_property("visible", False)
     viewer["/Axes"].set_property("visible", False)
-    height, distance = _view(points - np.array([*middle, 0.0]), filled)
-    sight = Sight(np.array([*middle, height]), distance, scale, filled)
-    viewer.set_transform(sight.transform())
+    height, distance, width = _view(points - np.array([*middle, 0.0]))
+    matrix = np.diag((scale, scale, scale, 1.0))
+    matrix[:3, 3] = -scale * np.array([*middle, height])
+    viewer.set_transform(matrix)
     x, y, z = _towards_eye() * distance * scale
     camera = viewer["/Cameras/default/rotated/<object>"]
+    camera.set_property("picture_width", width)  # fit.js knows it
     camera.set_property("zoom", ZOOM)
     camera.set_property("near", 0.1)  # precise depths: solids that touch do not flicker
     camera.set_property("far", 20.0)
     camera.set_property("position", [float(x), float(z), float(-y)])  # the page's second axis points up
-    return sight
 
 
 def sideways() -> FloatArray:
@@ -110,46 +72,35 @@ def _towards_eye() -> FloatArray:
     return np.asarray(np.array(VIEW) / np.linalg.norm(VIEW))
 
 
-def _view(points: FloatArray, filled: float) -> tuple[float, float]:
-    """Return how high over O the camera looks, and from how far, so that it just sees all points (N, 3)."""
+def _view(points: FloatArray) -> tuple[float, float, float]:
+    """Return how high the camera looks, and from how far, so that it just sees all points (N, 3).
+
+    And how wide a picture must be to show them, in its heights.
+    """
     heights = np.linspace(points[:, 2].min(), points[:, 2].max(), 201)
     seen = points - heights[:, None, None] * [0.0, 0.0, 1.0]  # (201, N, 3)
-    distances = _distances(seen, filled).max(axis=1)
-    best = int(distances.argmin())
-    return float(heights[best]), float(distances[best])
-
-
-def _distances(seen: FloatArray, filled: float) -> FloatArray:
-    """Return from how far the camera just sees points (..., 3), given from what it looks at; (...)."""
     eye, right = _towards_eye(), sideways()
     up = np.cross(eye, right)
-    sight = filled * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
+    sight = FILLED * math.tan(math.radians(75 / 2)) / ZOOM  # half the height that is seen at a distance of 1
     spread = np.maximum(np.abs(seen @ up), np.abs(seen @ right) / ASPECT) / sight
-    return np.asarray(seen @ eye + spread)
+    distances = (seen @ eye + spread).max(axis=1)
+    best = int(distances.argmin())
+    distance = float(distances[best])
+    across = np.abs(seen[best] @ right) / (distance - seen[best] @ eye)
+    return float(heights[best]), distance, float(across.max() / sight)
 
 
-def draw_floor(node: Any, half: float, bottom: float, middle: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Draw a square grid around what stands on it; lines through the origin are darker.
-
-    Parameters
-    ----------
-    node : meshcat.Visualizer
-        The node to draw into.
-    half : float
-        Half the size of what stands on it [m].
-    bottom : float
-        Its height [m].
-    middle : tuple of float
-        x and y about which it is [m].
-    """
-    mesh = mesh_of(half)
+def draw_floor(node: Any, half: float, bottom: float) -> None:
+    """Draw a square grid around what stands on it; lines through the origin are darker."""
+    power = 10.0 ** math.floor(math.log10(half / 4))
+    mesh = power * max(step for step in (1, 2, 5) if step * power <= half / 4)
     count = math.ceil(2.2 * half / mesh)
-    x, y = (mesh * (np.arange(-count, count + 1) + round(centre / mesh)) for centre in middle)
-    along_y = np.stack(np.broadcast_arrays(x[:, None], y[[0, -1]], bottom), axis=-1)
-    along_x = np.stack(np.broadcast_arrays(x[[0, -1]], y[:, None], bottom), axis=-1)
-    fine = np.concatenate((along_x, along_y)).reshape(-1, 3)
-    node["grid"].set_object(_lines(fine, 0xC3CBD3))
-    cross = np.array([[x[0], 0.0, 0.0], [x[-1], 0.0, 0.0], [0.0, y[0], 0.0], [0.0, y[-1], 0.0]])
+    places = mesh * np.arange(-count, count + 1)
+    ends = places[[0, -1]]
+    along_y = np.stack(np.broadcast_arrays(places[:, None], ends, bottom), axis=-1)
+    along_x = np.stack(np.broadcast_arrays(ends, places[:, None], bottom), axis=-1)
+    node["grid"].set_object(_lines(np.concatenate((along_x, along_y)).reshape(-1, 3), 0xC3CBD3))
+    cross = np.array([[ends[0], 0.0, 0.0], [ends[1], 0.0, 0.0], [0.0, ends[0], 0.0], [0.0, ends[1], 0.0]])
     node["middle"].set_object(_lines(above(cross, bottom + 1e-3 * mesh), 0x8D99A6))
 
 
@@ -159,8 +110,8 @@ def _lines(points: FloatArray, colour: int) -> Any:
     return mg.LineSegments(mg.PointsGeometry(points.T.astype(np.float32)), mg.LineBasicMaterial(color=colour))
 
 
-def write_text(node: Any, text: str, place: FloatArray, height: float, through: bool = False) -> None:
-    """Write a text that always faces the eye, and is perhaps seen through what is before it."""
+def write_text(node: Any, text: str, place: FloatArray, height: float) -> None:
+    """Write a text that always faces the eye."""
     import meshcat.geometry as mg
 
     class Letter(mg.Object):  # type: ignore[misc]
@@ -179,7 +130,7 @@ def write_text(node: Any, text: str, place: FloatArray, height: float, through: 
                 "type": "SpriteMaterial",
                 "map": texture["uuid"],
                 "transparent": True,
-                "depthTest": not through,
+                "depthTest": True,
             }
             sprite = {"uuid": self.uuid, "type": "Sprite", "material": material["uuid"]}
             return {
@@ -202,6 +153,60 @@ def colour_number(rgba: Sequence[float]) -> int:
     return 65536 * red + 256 * green + blue
 
 
-def number(newtons: float) -> str:
-    """Return a force in four digits or a few more, with a power of ten where it is very large or small."""
-    return f"{newtons:.0f}" if 1e3 <= newtons < 1e6 else f"{newtons:.4g}"
+HEAD = 4.0
+"""Length of a head, in radii of the shaft."""
+HEAD_RADIUS = 2.4
+"""Radius of a head, in radii of the shaft."""
+HEADS = ("head", "second_head")
+"""What the heads are called; that of a torque has two."""
+_FLAT = 1e-6
+"""Least scale of a shaft: a page cannot take a transform without an inverse apart."""
+_ALONG_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0]])
+"""Turns MeshCat's cylinders, along y about their middle, along z from 0 to 1."""
+
+
+def draw_arrow(node: Any, radius: float, material: Any, heads: int = 1) -> None:
+    """Put an arrow along +z into a node of the scene; its length comes from `set_length`."""
+    import meshcat.geometry as mg
+
+    cones = [mg.Cylinder(1.0, radiusTop=0.0, radiusBottom=HEAD_RADIUS * radius) for _ in range(heads)]
+    for name, cylinder in (("shaft", mg.Cylinder(1.0, radius)), *zip(HEADS, cones, strict=False)):
+        cylinder.intrinsic_transform = lambda: _ALONG_Z.T  # MeshCat writes rows, its page reads columns
+        node[name].set_object(cylinder, material)
+
+
+def set_length(node: Any, length: float, radius: float, heads: int = 1) -> None:
+    """Make an arrow so long; it points to -z when the length is negative, and vanishes at zero."""
+    node.set_property("visible", bool(abs(length) > _FLAT))  # False for NaN
+    if not abs(length) > _FLAT:
+        return
+    head = np.copysign(min(abs(length) / heads, HEAD * radius), length)
+    shaft = length - heads * head
+    node["shaft"].set_transform(_stretched(shaft if abs(shaft) > _FLAT else np.copysign(_FLAT, length)))
+    for i, name in enumerate(HEADS[:heads]):  # the tip's first
+        node[name].set_transform(_stretched(head, length - (i + 1) * head))
+
+
+def _stretched(scale: float, start: float = 0.0) -> FloatArray:
+    matrix = np.diag((1.0, 1.0, scale, 1.0))
+    matrix[2, 3] = start
+    return matrix
+
+
+def draw_path(node: Any, points: ArrayLike, colour: int) -> None:
+    """Draw the path of a point (N, 3), seen through what is before it; it replaces the one before."""
+    import meshcat.geometry as mg
+
+    path = as_floats("points", points)
+    if path.ndim != 2 or path.shape[1] != 3:
+        raise InputError(f"points: expected shape (N, 3), got {path.shape}")
+    steps = np.stack((path[:-1], path[1:]), axis=1)  # (N-1, 2, 3)
+    steps = steps[np.isfinite(steps).all(axis=(1, 2))]
+    line = mg.PointsGeometry(steps.reshape(-1, 3).T.astype(np.float32))
+    node.delete()
+    if len(steps):
+        node.set_object(mg.LineSegments(line, mg.LineBasicMaterial(color=colour, depthTest=False)))
+
+
+ROOT = "p3dof"
+"""Name of the robot under MeshCat's root, ``/meshcat``."""

@@ -11,9 +11,8 @@ from typing import Any
 
 from p3dof._base.checks import one_line
 from p3dof._base.errors import MissingExtraError, P3dofError
-from p3dof.viewer.document.saved import HEIGHT
-from p3dof.viewer.messages import packed_message
-from p3dof.viewer.session import Session
+from p3dof.viewer.document.html import HEIGHT
+from p3dof.viewer.session import Session, packed_message
 
 try:
     import anywidget
@@ -29,17 +28,6 @@ class PageWidget(anywidget.AnyWidget):
 
     Every place that shows it has its own page, with its own time. What is shown is not kept in the notebook's
     file.
-
-    Parameters
-    ----------
-    session : Session
-        What its pages show.
-    page : callable
-        Returns the page as it is when it is opened.
-    title : str
-        For screen readers.
-    height : int
-        Of the page [pixels].
     """
 
     _esm = (resources.files("p3dof.viewer") / "widget.js").read_text(encoding="utf-8")

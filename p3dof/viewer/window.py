@@ -1,18 +1,25 @@
-"""`SceneWindow`: what MeshCat draws into here. It keeps the scene; no process, no port and no network."""
+"""`SceneWindow`: what MeshCat draws into here, and a scene as one HTML file; no process, port or network."""
 
 from __future__ import annotations
 
+import base64
+import html
+import os
+import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
 from typing import Any, Protocol, TypeAlias
 
 from p3dof._base.errors import InputError, MissingExtraError
+from p3dof.viewer.document.html import as_script, filled
+from p3dof.viewer.session import Listeners
 
 Listener: TypeAlias = Callable[[bytes], None]
 """Takes a packed command; it must return at once, as whoever draws waits for it."""
-Path: TypeAlias = tuple[str, ...]
 
 
 class Command(Protocol):
@@ -42,39 +49,30 @@ class SceneWindow:
 
     Give it to ``meshcat.Visualizer(window=...)``. It holds what a page needs to show the scene; pages get it
     through a listener, or as a file. May be used from several threads.
-
-    Attributes
-    ----------
-    web_url : str
-        Where a server shows the scene; empty without one.
-
-    Raises
-    ------
-    MissingExtraError
-        If MeshCat is not installed.
     """
 
     def __init__(self) -> None:
         self.web_url = ""
         self._pack = packer()
-        self._nodes: dict[Path, _Node] = {}
-        self._listeners: list[Listener] = []
+        self._nodes: dict[tuple[str, ...], _Node] = {}
+        self._listeners = Listeners()
         self._lock = threading.RLock()
+
+    @property
+    def watched(self) -> bool:
+        """Whether it is seen: of a scene without a server nobody can come later."""
+        return True
 
     def send(self, command: Command) -> None:
         """Keep a command and pass it on to the listeners.
 
-        Parameters
-        ----------
-        command : meshcat.commands command
-            Anything whose ``lower()`` returns the plain data of a command.
+        `command`: anything whose ``lower()`` returns the plain data of a command.
         """
         data = command.lower()
         message = self._pack(data)
         with self._lock:
             self._keep(data, message)
-            for listener in tuple(self._listeners):
-                listener(message)
+            self._listeners.tell(message)
 
     def messages(self) -> list[bytes]:
         """Return the commands that rebuild the scene, each packed as MeshCat's page takes it."""
@@ -82,54 +80,24 @@ class SceneWindow:
             return [message for node in self._nodes.values() for message in node.messages]
 
     def subscribe(self, listener: Listener) -> Callable[[], None]:
-        """Pass all commands from now on to a function.
+        """Pass all commands from now on to a function; ends it; may be called more than once.
 
-        Parameters
-        ----------
-        listener : callable
-            Takes a packed command, in the thread that draws; it must return at once.
-
-        Returns
-        -------
-        callable
-            Ends it; may be called more than once.
+        `listener`: takes a packed command, in the thread that draws; it must return at once.
         """
-        with self._lock:
-            self._listeners.append(listener)
-
-        def unsubscribe() -> None:
-            with self._lock:
-                if listener in self._listeners:
-                    self._listeners.remove(listener)
-
-        return unsubscribe
+        return self._listeners.subscribe(listener)
 
     def get_scene(self) -> str:
         """Return a self-contained page of the scene as it is now (MeshCat's ``static_html`` calls it)."""
-        from p3dof.viewer.pages import standalone
-
         return standalone(self.messages())
 
     def get_image(self) -> Any:
-        """Return a picture of the scene as it is now, as a `PIL.Image` (``captureImage`` calls it).
+        """Return a picture of the scene as it is now, as a `PIL.Image` (``captureImage`` calls it)."""
+        from p3dof.viewer.headless import SIZE, as_image, picture_of
 
-        Raises
-        ------
-        MissingExtraError
-            If there is no browser to draw it.
-        """
-        from p3dof.viewer.headless import picture
-
-        return picture(self.get_scene())
+        return as_image(picture_of(self.get_scene(), SIZE))
 
     def open(self) -> SceneWindow:
-        """Open the scene in the user's browser.
-
-        Raises
-        ------
-        InputError
-            If no server shows it.
-        """
+        """Open the scene in the user's browser."""
         if not self.web_url:
             raise InputError("this scene has no server to open in a browser")
         webbrowser.open(self.web_url, new=2)
@@ -157,20 +125,14 @@ class SceneWindow:
         elif kind == "delete":
             self._forget(path)
 
-    def _forget(self, path: Path) -> None:
+    def _forget(self, path: tuple[str, ...]) -> None:
         inside = [other for other in self._nodes if other[: len(path)] == path]
         for other in inside:
             del self._nodes[other]
 
 
 def packer() -> Callable[[Any], bytes]:
-    """Return what packs plain data for MeshCat's page.
-
-    Raises
-    ------
-    MissingExtraError
-        If MeshCat is not installed.
-    """
+    """Return what packs plain data for MeshCat's page."""
     try:
         import meshcat  # noqa: F401
         import umsgpack
@@ -178,3 +140,45 @@ def packer() -> Callable[[Any], bytes]:
         raise MissingExtraError("the viewer needs meshcat: pip install 'p3dof[viz]'") from error
     pack: Callable[[Any], bytes] = umsgpack.packb
     return pack
+
+
+def has_display() -> bool:
+    """Return whether a browser can have a window: without, Python would open one in the terminal."""
+    wanted = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return sys.platform in {"win32", "darwin"} or any(os.environ.get(name) for name in wanted)
+
+
+def standalone(
+    messages: Iterable[bytes], title: str = "p3dof", start: Mapping[str, Any] | None = None
+) -> str:
+    """Return a page that shows a scene with no network, the HTML; `start`: how its animation begins."""
+    commands = [base64.b64encode(message).decode("ascii") for message in messages]
+    parts = {
+        "@TITLE@": html.escape(title),
+        "@LICENCES@": html.escape(licences()),
+        "@MESHCAT@": meshcat_script().decode(),
+        "@FIT@": resource("page/fit.js"),
+        "@COMMANDS@": as_script(commands),
+        "@START@": as_script(start),
+        "@PLAYER@": "" if start is None else resource("page/player.js"),
+    }
+    return filled(resource("standalone.html"), parts)
+
+
+def resource(name: str) -> str:
+    """Return the text of a file of this package."""
+    return (resources.files("p3dof.viewer") / name).read_text(encoding="utf-8")
+
+
+def licences() -> str:
+    """Return the notices of all whose JavaScript is in a page: MeshCat 0.3.2, and what its script holds.
+
+    Whoever takes another MeshCat has to look again at what is in it; a test compares them.
+    """
+    return resource("page/licences.txt")
+
+
+@cache
+def meshcat_script() -> bytes:
+    """Return MeshCat's JavaScript, from its package."""
+    return (resources.files("meshcat") / "viewer/dist/main.min.js").read_bytes()

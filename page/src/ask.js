@@ -59,6 +59,6 @@ export class AskEngine {
         const hand = answer.pose ? { pose: answer.pose } : { q: Array.from(q) };
         const { pose, values = {}, loads = {}, notes = [] } = answer;
         this.latest = { hand, asked, held: { q, pose, values, loads, notes } };
-        this.state.set({ hand, refused: null, playing: false });
+        this.state.set({ hand, playing: false });
     }
 }

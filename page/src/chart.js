@@ -1,5 +1,6 @@
 // One chart: uPlot draws lines and axes; limits as bands and peaks with their values are drawn by us.
 import uPlot from "uplot";
+import { reach, trace } from "./against.js";
 import { ROUNDING, axisOf, peakOf, rangeOf, samplesIn, wholePeak, wholeRange } from "./curves.js";
 import { aligned, thinned } from "./lines.js";
 import { placed } from "./peak_labels.js";
@@ -10,7 +11,7 @@ import { decimals, decimalsOf, fixed, roundStep, shown } from "./units.js";
 /** @typedef {{text: string, x: number, y: number, width: number, height: number, key: string, time: number,
  *             value: number, dot: {x: number, y: number}, colour: string}} Mark */
 /** @typedef {{lines: Line[], unit: string, units: "mm" | "SI", theme: "light" | "dark",
- *             span: [number, number], ticks: boolean}} Content */
+ *             span: [number, number], ticks: boolean, over: import("./against").Over | null}} Content */
 /** @typedef {{ink: string, soft: string, line: string, shade: string, paper: string}} Palette */
 
 /** Room of the y axis, which the time bar keeps too [px]. */
@@ -20,6 +21,8 @@ export const EDGE = 18;
 const TICKS = 22;
 /** Between numbers of the y axis, at least [px]. */
 const ROW = 26;
+/** Between numbers of the axis of another curve, at least [px]. */
+const COLUMN = 80;
 const FONT = '11px system-ui, "DejaVu Sans", sans-serif';
 const DASHES = { now: [], before: [5, 4], other: [8, 3, 2, 3], difference: [] };
 
@@ -49,8 +52,8 @@ export class Chart {
     /** Draw something else. @param {Content} content */
     draw(content) {
         this.content = content;
-        const shape = JSON.stringify([content.lines.map(({ key, kind, colour }) => [key, kind, colour]), content.theme, content.ticks]);
-        this.whole = aligned(content.lines);
+        const shape = JSON.stringify([content.lines.map(({ key, kind, colour }) => [key, kind, colour]), content.theme, content.ticks, !content.over]);
+        this.whole = content.over ? [[], ...content.lines.map(() => [])] : aligned(content.lines); // those over a curve are drawn by us
         const data = this.seen(content);
         if (!this.plot || shape !== this.shape) {
             this.plot?.destroy();
@@ -82,26 +85,30 @@ export class Chart {
     scale() {
         const { plot, content } = this;
         if (!plot || !content) return;
-        const y = this.range(content);
+        const { x, y } = this.range(content);
         plot.batch(() => {
-            plot.setScale("x", { min: content.span[0], max: content.span[1] });
+            plot.setScale("x", { min: x[0], max: x[1] });
             plot.setScale("y", { min: y[0], max: y[1] });
             plot.redraw(false, true); // its numbers too: units may have changed where scales did not
         });
     }
 
-    /** @param {Content} content @returns {[number, number]} */
+    /** @param {Content} content @returns {{x: [number, number], y: [number, number]}} */
     range(content) {
+        if (content.over) {
+            const { x, y } = reach(content.lines, content.span);
+            return { x: axisOf(x, []), y: axisOf(y, limitsOf(content.lines)) };
+        }
         const [time, ...values] = /** @type {ArrayLike<number>[]} */ (this.whole);
         const [start, end] = samplesIn(time, content.span);
         const whole = start === 0 && end === time.length;
         const all = whole ? rangeOf(values.map(wholeRange), 0, 2) : rangeOf(values, Math.max(0, start - 1), Math.min(time.length, end + 1));
         const differences = content.lines.filter(({ kind }) => kind === "difference");
-        return axisOf(all, limitsOf(content.lines), Math.max(0, ...differences.map(({ scale }) => scale)));
+        return { x: content.span, y: axisOf(all, limitsOf(content.lines), Math.max(0, ...differences.map(({ scale }) => scale))) };
     }
 
     /** @param {Content} content @returns {uPlot.Options} */
-    options({ lines, theme, ticks }) {
+    options({ lines, theme, ticks, over }) {
         const colours = PALETTES[theme];
         const axis = { stroke: colours.soft, font: FONT, grid: { stroke: colours.line, width: 1 }, ticks: { show: false } };
         return {
@@ -111,12 +118,13 @@ export class Chart {
             legend: { show: false },
             scales: { x: { time: false, auto: false }, y: { auto: false } },
             axes: [
-                { ...axis, size: ticks ? TICKS : 0, gap: 4, space: 60, values: (_, splits) => ticks ? seconds(splits) : splits.map(() => "") },
-                { ...axis, size: GUTTER, gap: 6, space: ROW, values: (_, splits) => this.numbers(splits),
-                    splits: (_, __, low, high) => this.round(low, high, (this.size.height - (ticks ? TICKS : 8) - 8) / ROW) },
+                { ...axis, size: ticks ? TICKS : 0, gap: 4, space: 60, values: (_, splits) => over ? this.numbers(splits, "over") : ticks ? seconds(splits) : splits.map(() => ""),
+                    splits: over ? (_, __, low, high) => this.round(low, high, (this.size.width - GUTTER - EDGE) / COLUMN, "over") : undefined },
+                { ...axis, size: GUTTER, gap: 6, space: ROW, values: (_, splits) => this.numbers(splits, "up"),
+                    splits: (_, __, low, high) => this.round(low, high, (this.size.height - (ticks ? TICKS : 8) - 8) / ROW, "up") },
             ],
             series: [{}, ...lines.map((line) => this.series(line, theme))],
-            hooks: { drawClear: [(plot) => this.bands(plot)], draw: [(plot) => this.peaks(plot)] },
+            hooks: { drawClear: [(plot) => this.bands(plot)], draw: [(plot) => this.content?.over ? this.curves(plot, this.content) : this.peaks(plot)] },
         };
     }
 
@@ -129,9 +137,9 @@ export class Chart {
         };
     }
 
-    /** Round numbers in the unit that is shown. @param {number} low @param {number} high @param {number} most how many */
-    round(low, high, most) {
-        const { factor } = shown(this.content?.unit ?? "", this.content?.units ?? "SI");
+    /** Round numbers in the unit that is shown. @param {number} low @param {number} high @param {number} most how many @param {"over" | "up"} which axis */
+    round(low, high, most, which) {
+        const { factor } = this.unit(which);
         const by = roundStep(((high - low) * factor) / Math.max(1, most));
         const count = Math.floor((high * factor) / by + 1e-9);
         const splits = [];
@@ -139,14 +147,21 @@ export class Chart {
         return splits;
     }
 
-    /** @param {number[]} splits stored units @returns {string[]} */
-    numbers(splits) {
+    /** How an axis is written. @param {"over" | "up"} which */
+    unit(which) {
+        const { content } = this;
+        return shown((which === "over" ? content?.over?.unit : content?.unit) ?? "", content?.units ?? "SI");
+    }
+
+    /** @param {number[]} splits stored units @param {"over" | "up"} which axis @returns {string[]} */
+    numbers(splits, which) {
         if (!this.content || splits.length < 2) return splits.map(String);
-        const { factor } = shown(this.content.unit, this.content.units);
+        const { factor, unit } = this.unit(which);
+        const said = which === "up" || unit === "1" ? "" : unit === "°" ? unit : ` ${unit}`;
         const step = Math.abs(splits[1] - splits[0]) * factor;
         const digits = decimalsOf(step);
         const largest = Math.max(...splits.map(Math.abs)) * factor;
-        return splits.map((split) => fixed(split * factor, digits > 5 || largest >= 1e6 ? -1 : digits));
+        return splits.map((split) => fixed(split * factor, digits > 5 || largest >= 1e6 ? -1 : digits) + said);
     }
 
     /** Limits: beyond them is shaded. @param {uPlot} plot */
@@ -164,6 +179,25 @@ export class Chart {
             const y = Math.max(bbox.top, plot.valToPos(low, "y", true));
             const bottom = bbox.top + bbox.height;
             if (y < bottom) ctx.fillRect(bbox.left, y, bbox.width, bottom - y);
+        }
+        ctx.restore();
+    }
+
+    /** Lines over another curve. @param {uPlot} plot @param {Content} content */
+    curves(plot, content) {
+        const { ctx, bbox } = plot, ratio = uPlot.pxRatio;
+        this.marks = [];
+        ctx.save();
+        ctx.beginPath();
+        ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+        ctx.clip();
+        for (const line of content.lines) {
+            const { stroke, width, dash } = this.series(line, content.theme);
+            Object.assign(ctx, { strokeStyle: stroke, lineWidth: /** @type {number} */ (width) * ratio, lineJoin: "round" });
+            ctx.setLineDash((dash ?? []).map((part) => part * ratio));
+            ctx.beginPath();
+            trace(ctx, line, content.span, (x) => plot.valToPos(x, "x", true), (y) => plot.valToPos(y, "y", true));
+            ctx.stroke();
         }
         ctx.restore();
     }

@@ -2,7 +2,7 @@
 import { within } from "./state.js";
 
 /** @typedef {import("./types").State} State */
-/** @typedef {{timeAt: (x: number) => number, plot: () => DOMRect, marks: () => import("./chart").Mark[]}} Place */
+/** @typedef {{timeAt: (x: number, y: number) => number, zooms: () => boolean, plot: () => DOMRect, marks: () => import("./chart").Mark[]}} Place */
 
 /** Less than this is a click [px]. */
 const SLACK = 5;
@@ -24,6 +24,7 @@ export function listen(element, selection, state, place) {
         const box = place.plot();
         return Math.min(Math.max(event.clientX - box.left, 0), box.width);
     };
+    const down = (/** @type {PointerEvent} */ event) => event.clientY - place.plot().top;
     const drop = () => {
         from = null;
         selection.hidden = true;
@@ -36,17 +37,17 @@ export function listen(element, selection, state, place) {
     });
     element.addEventListener("pointermove", (event) => {
         const x = along(event);
-        if (event.pointerType !== "touch") state.set({ hover: place.timeAt(x) });
+        if (event.pointerType !== "touch") state.set({ hover: place.timeAt(x, down(event)) });
         if (!from || from.id !== event.pointerId) return;
         const left = Math.min(from.x, x);
-        selection.hidden = Math.abs(x - from.x) < SLACK;
+        selection.hidden = Math.abs(x - from.x) < SLACK || !place.zooms();
         selection.style.transform = `translateX(${left}px)`;
         selection.style.width = `${Math.abs(x - from.x)}px`;
     });
     element.addEventListener("pointerup", (event) => {
         if (!from || from.id !== event.pointerId) return;
         const x = along(event);
-        if (Math.abs(x - from.x) < SLACK) seek(x, event);
+        if (Math.abs(x - from.x) < SLACK || !place.zooms()) seek(x, event);
         else zoom(from.x, x);
         drop();
     });
@@ -56,16 +57,15 @@ export function listen(element, selection, state, place) {
 
     /** @param {number} x @param {PointerEvent} event */
     function seek(x, event) {
-        const box = place.plot();
-        const y = event.clientY - box.top;
+        const y = down(event);
         const peak = place.marks().find((mark) => Math.hypot(mark.dot.x - x, mark.dot.y - y) < NEAR
             || (x >= mark.x && x <= mark.x + mark.width && y >= mark.y && y <= mark.y + mark.height));
-        state.set({ time: within(state, peak ? peak.time : place.timeAt(x)), hand: null, refused: null });
+        state.set({ time: within(state, peak ? peak.time : place.timeAt(x, y)), hand: null });
     }
 
     /** @param {number} one @param {number} other */
     function zoom(one, other) {
-        const ends = [place.timeAt(one), place.timeAt(other)].sort((a, b) => a - b);
+        const ends = [place.timeAt(one, 0), place.timeAt(other, 0)].sort((a, b) => a - b);
         if (ends[1] > ends[0]) state.set({ zoom: [ends[0], ends[1]] });
     }
 }

@@ -1,12 +1,13 @@
 // Three linked charts: any curves of the run over one axis of time, with one cursor.
+import { nearest, pointAt } from "./against.js";
 import { Chart, EDGE, GUTTER, limitsOf, strictest } from "./chart.js";
 import { listen } from "./chart_pointer.js";
 import { groupsOf, wholePeak, wholeRange } from "./curves.js";
 import { instant, runOf } from "./instant.js";
 import { Legend } from "./legend.js";
-import { drawingOf, groupNames, groupOf, hiddenIn, shownSpan } from "./lines.js";
-import { choose, make, write } from "./make.js";
-import { resolved } from "./themes.js";
+import { drawingOf, groupNames, groupOf, hiddenIn, overIn, shownSpan } from "./lines.js";
+import { choose, make } from "./make.js";
+import { readable, resolved } from "./themes.js";
 import { clock, decimals, fixed, shown, titled } from "./units.js";
 
 /** @typedef {import("./types").State} State */
@@ -41,7 +42,7 @@ export function mount(element, state) {
  */
 export function setChart(state, index, changes) {
     const charts = Array.from({ length: Math.max(COUNT, index + 1) }, (_, i) => (
-        { group: groupOf(state, i), hidden: hiddenIn(state, i) }));
+        { group: groupOf(state, i), hidden: hiddenIn(state, i), over: overIn(state, i) }));
     charts[index] = { ...charts[index], ...changes };
     state.set({ charts });
 }
@@ -62,15 +63,18 @@ class Panel {
         this.plot = make("div", { className: "plot", tabIndex: 0, role: "slider", "data-chart": String(index) }, this.canvas, this.overlay);
         this.select = make("select", { "aria-label": `Curves of chart ${index + 1}` });
         this.select.addEventListener("change", () => setChart(state, index, { group: this.select.value, hidden: [] }));
-        this.limits = make("p", { className: "note limits" });
+        this.over = make("select", { className: "over", title: "Horizontal axis", "aria-label": `Horizontal axis of chart ${index + 1}` });
+        this.over.addEventListener("change", () => setChart(state, index, { over: this.over.value }));
+        /** Where curves are that are drawn over another one. @type {HTMLElement[]} */
+        this.spots = [];
         const list = make("div", { className: "legend" });
         this.legend = new Legend(list, (key) => this.toggle(key));
         this.figure = make("figure", { className: "chart" }, this.plot,
-            make("figcaption", { className: "side" }, this.select, list, this.limits));
+            make("figcaption", { className: "side" }, make("div", { className: "axes" }, this.select, this.over), list));
         if (ticks) this.figure.classList.add("last");
         this.chart = new Chart(this.canvas, 0, 0);
         listen(this.plot, this.selection, state, {
-            timeAt: (x) => this.timeAt(x), plot: () => this.overlay.getBoundingClientRect(), marks: () => this.chart.marks,
+            timeAt: (x, y) => this.timeAt(x, y), zooms: () => !this.drawing?.over, plot: () => this.overlay.getBoundingClientRect(), marks: () => this.chart.marks,
         });
     }
 
@@ -94,15 +98,21 @@ class Panel {
         const group = groupOf(state, index);
         const hidden = hiddenIn(state, index);
         const theme = resolved(state.theme);
-        const drawing = drawingOf(state, group);
+        const drawing = drawingOf(state, index);
         this.drawing = drawing;
         choose(this.select, groupNames(state).map((name) => [name, titled(name, unitOf(state, name), state.units)]), group);
-        this.legend.draw(drawing, hidden, state.units, theme);
-        write(this.limits, limitsText(drawing, state.units));
+        const curves = runOf(state).curves.map(({ key, label, unit }) => /** @type {[string, string]} */ ([key, titled(label, unit, state.units)]));
+        choose(this.over, [["", "time"], ...curves], overIn(state, index));
+        this.legend.draw(drawing, hidden, state.units, theme, limitsText(drawing, state.units));
         const lines = drawing.lines.filter(({ key }) => !hidden.includes(key));
         this.span = shownSpan(state);
         this.chart.resize(this.canvas.clientWidth || 600, this.canvas.clientHeight || 120);
-        this.chart.draw({ lines, unit: drawing.unit, units: state.units, theme, span: this.span, ticks: this.ticks });
+        this.chart.draw({ lines, unit: drawing.unit, units: state.units, theme, span: this.span, ticks: this.ticks || drawing.over !== null, over: drawing.over });
+        this.lines = lines;
+        const spots = drawing.over ? lines : [];
+        this.spots.forEach((spot) => spot.remove());
+        this.spots = spots.map(({ colour, kind }) => make("div", { className: `spot ${kind}`, style: `--colour: ${readable(colour, theme)}` }));
+        this.overlay.append(...this.spots);
         this.place();
         this.describe(lines);
     }
@@ -126,7 +136,7 @@ class Panel {
             const range = `${line.label} from ${fixed(low * factor, digits)} to ${fixed(high * factor, digits)} ${unit}`;
             return peak ? `${range}, largest at ${clock(peak.time)}` : `${line.label} without values`;
         });
-        this.plot.setAttribute("aria-label", `${this.drawing.group} over time: ${texts.join("; ")}`);
+        this.plot.setAttribute("aria-label", `${this.drawing.group} over ${this.drawing.over?.label ?? "time"}: ${texts.join("; ")}`);
         const [start, end] = shownSpan(this.state);
         this.plot.setAttribute("aria-valuemin", String(start));
         this.plot.setAttribute("aria-valuemax", String(end));
@@ -135,17 +145,31 @@ class Panel {
     move() {
         const { state, span } = this;
         if (!span) return;
-        const at = state.hover ?? state.time;
-        stand(this.cursor, this.x(state.time), this.width ?? 0);
-        if (state.hover === null) this.hover.hidden = true;
+        const at = state.hover ?? state.time, over = this.drawing?.over;
+        const now = state.hover === null ? instant(state) : null;
+        stand(this.cursor, over ? NaN : this.x(state.time), this.width ?? 0);
+        if (over) this.spot(at, now?.byHand ? now.values : null);
+        if (state.hover === null || over) this.hover.hidden = true;
         else {
             stand(this.hover, this.x(state.hover), this.width ?? 0);
             this.hover.dataset.time = this.ticks ? clock(state.hover) : "";
             this.hover.classList.toggle("late", this.x(state.hover) > (this.width ?? 0) - 60);
         }
-        this.legend.at(at, state.hover === null ? instant(state).values : null);
+        this.legend.at(at, now);
         this.plot.setAttribute("aria-valuenow", String(state.time));
         this.plot.setAttribute("aria-valuetext", clock(state.time));
+    }
+
+    /** Put a dot on each curve that is drawn over another one. @param {number} time [s] @param {Record<string, number> | null} held what is known where the machine is held */
+    spot(time, held) {
+        const plot = this.chart.plot, over = overIn(this.state, this.index);
+        if (!plot) return;
+        this.lines?.forEach((line, k) => {
+            const [x, y] = held && line.kind === "now" ? [held[over], held[line.key]] : pointAt(line, time);
+            const at = [plot.valToPos(x, "x"), plot.valToPos(y, "y")];
+            this.spots[k].hidden = !(at[0] >= 0 && at[0] <= plot.over.clientWidth && at[1] >= 0 && at[1] <= plot.over.clientHeight);
+            this.spots[k].style.transform = `translate(${at[0]}px, ${at[1]}px)`;
+        });
     }
 
     /** @param {number} time [s] @returns {number} [px] in the plot */
@@ -154,9 +178,13 @@ class Panel {
         return ((time - start) / (end - start)) * (this.width ?? 0);
     }
 
-    /** @param {number} x [px] in the plot @returns {number} [s] */
-    timeAt(x) {
-        const [start, end] = this.span ?? [0, 1];
+    /** @param {number} x @param {number} y [px] in the plot @returns {number} [s] */
+    timeAt(x, y) {
+        const [start, end] = this.span ?? [0, 1], plot = this.chart.plot;
+        if (this.drawing?.over && plot) {
+            const own = (this.lines ?? []).filter(({ kind }) => kind === "now" || kind === "difference");
+            return nearest(own, [start, end], (value) => plot.valToPos(value, "x"), (value) => plot.valToPos(value, "y"), x, y) ?? this.state.time;
+        }
         return start + (x / (this.width || 1)) * (end - start);
     }
 }

@@ -24,7 +24,7 @@ export function mount(state) {
         if (!changed.has("playing") || !state.playing || going) return;
         const { data } = runOf(state).time;
         if (state.time >= data[data.length - 1]) state.set({ time: data[0] }); // again from the start
-        if (state.hand) state.set({ hand: null, refused: null });
+        if (state.hand) state.set({ hand: null });
         [going, last] = [true, 0];
         requestAnimationFrame(step);
     });

@@ -37,7 +37,7 @@ function marked() {
 
 /** @param {State} state @param {number} time */
 function seek(state, time) {
-    state.set({ time: within(state, time), playing: false, hand: null, refused: null });
+    state.set({ time: within(state, time), playing: false, hand: null });
 }
 
 export class Connection {
@@ -163,7 +163,7 @@ export class Connection {
     }
 }
 
-const AT_REST = /** @type {const} */ ({ solved: null, hand: null, refused: null, compare: null, hover: null });
+const AT_REST = /** @type {const} */ ({ solved: null, hand: null, compare: null, hover: null });
 
 /** @param {State["hand"]} hand */
 function plain(hand) {

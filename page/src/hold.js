@@ -48,12 +48,21 @@ export function hold(state, pose) {
     if (state.engine?.move) return void state.engine.move({ pose }); // Python says whether it can
     const refused = refusal(state, pose);
     if (refused) state.set({ hand: state.hand ?? { pose: instant(state).pose ?? [0, 0, 0] }, refused, playing: false });
-    else state.set({ hand: { pose }, refused: null, playing: false });
+    else state.set({ hand: { pose }, playing: false });
 }
 
 /** Let go: the run is shown again. @param {State} state */
 export function letGo(state) {
-    if (state.hand || state.refused) state.set({ hand: null, refused: null });
+    if (state.hand || state.refused) state.set({ hand: null });
+}
+
+/** Hold the machine where it is at home. @param {State} state */
+export function goHome(state) {
+    const { inputs } = state.document;
+    const own = inputs.filter(({ joint }) => joint !== undefined);
+    if (!own.length) hold(state, ["y", "z", "theta"].map((key) => inputs.find((input) => input.key === key)?.value ?? 0));
+    else if (state.engine?.move) state.engine.move({ inputs: Object.fromEntries(inputs.map(({ key, value }) => [key, value])) });
+    else own.forEach((input) => setInput(state, input, input.value));
 }
 
 /** What an input of the machine is now [m, rad]; NaN where that is not known. @param {State} state @param {Input} input */
@@ -90,6 +99,6 @@ export function setInput(state, input, value) {
         const k = joint.q?.[0] ?? 0;
         if (joint.kind === "continuous") [held[k], held[k + 1]] = [Math.cos(goal), Math.sin(goal)];
         else held[k] = goal;
-        state.set({ hand: { q: held }, refused: null, playing: false });
+        state.set({ hand: { q: held }, playing: false });
     }
 }

@@ -42,7 +42,6 @@ export function mount(canvas, stage) {
             event.stopImmediatePropagation();
             held = null;
             canvas.style.cursor = "";
-            if (state.refused) state.set({ refused: null });
         }, { capture: true });
     }
 }

@@ -1,4 +1,5 @@
 // Sliders for the actuated joints of any robot: Python says where it is then, and what holds it there.
+import { heading } from "./by_hand.js";
 import { canMove, setInput, valueOf } from "./hold.js";
 import { make, write } from "./make.js";
 import { fixed, shown } from "./units.js";
@@ -12,10 +13,9 @@ const ALONE = "The joints can be moved while Python is behind the page.";
 /** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
     const rows = make("div", { className: "joints" });
-    const back = make("button", { type: "button", onclick: () => state.set({ hand: null, refused: null }) }, "Back to the run");
-    const said = make("p", { className: "note refused", role: "status" });
+    const head = heading(state, "Joints", "");
     const alone = make("p", { className: "note" }, ALONE);
-    element.append(make("h2", {}, "Joints"), rows, back, said, alone);
+    element.append(head.title, rows, head.said, alone);
     /** @type {Slider[]} */
     let sliders = [];
     /** @type {Input[] | null} */
@@ -29,9 +29,8 @@ export function mount(element, state) {
         }
         sliders.forEach((slider) => slider.show());
         alone.hidden = canMove(state);
-        back.hidden = !state.hand;
         const unknown = state.hand && state.engine?.held?.(state.hand)?.notes?.join(" ");
-        write(said, state.refused ? `${state.refused.text}. The picture stays.` : unknown || "");
+        head.show(state.refused ? `${state.refused.text}. The picture stays.` : unknown || "");
     });
 }
 

@@ -1,8 +1,9 @@
 // What keys do, and the list of them.
-import { hold } from "./hold.js";
+import { goHome, hold } from "./hold.js";
 import { instant, runOf } from "./instant.js";
 import { shownSpan, wholeSpan } from "./lines.js";
 import { make } from "./make.js";
+import { choose } from "./runs.js";
 import { viewed } from "./state.js";
 import { SPEEDS, seek, step, toggle } from "./time_bar.js";
 
@@ -38,13 +39,14 @@ const KEYS = [
     [["a", "d"], "move the platform in y (with Shift: finely)", (state, event) => nudge(state, event, 0, event.key === "a" ? -1 : 1)],
     [["s", "w"], "move the platform in z", (state, event) => nudge(state, event, 1, event.key === "s" ? -1 : 1)],
     [["q", "e"], "tilt the platform", (state, event) => nudge(state, event, 2, event.key === "q" ? -1 : 1)],
+    [["h"], "hold the machine at home", goHome],
     [["c"], "total, static, dynamic forces", (state) => state.set({ case: after(CASES, state.case) })],
-    [["r"], "the next run", (state) => state.set({
-        run: (state.run + 1) % state.document.runs.length, solved: null, whatIf: {}, hand: null, zoom: null })],
+    [["r"], "the next run", (state) =>
+        choose(state, (state.run + 1) % state.document.runs.length)],
     [["u"], "millimetres and degrees, or SI units", (state) => state.set({ units: state.units === "mm" ? "SI" : "mm" })],
     [["t"], "light, dark, as the system", (state) => state.set({ theme: after(THEMES, state.theme) })],
     [["?"], "these keys", (state) => state.set({ help: !state.help })],
-    [["Escape"], "back to the run; show all of it", (state) => state.set({ help: false, hand: null, refused: null, zoom: null, hover: null })],
+    [["Escape"], "back to the run; show all of it", (state) => state.set({ help: false, hand: null, zoom: null, hover: null })],
 ];
 
 /** @type {Record<string, string>} */

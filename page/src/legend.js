@@ -18,6 +18,10 @@ export class Legend {
         /** @type {Value[]} */
         this.values = [];
         this.shape = "";
+        this.limits = make("span", { className: "limits" });
+        /** Over the values of the run that is shown; they may be those of a machine that is held. */
+        this.now = make("span", { className: "value now" });
+        this.name = "";
         this.factor = 1;
         this.digits = 1;
     }
@@ -28,11 +32,15 @@ export class Legend {
      * @param {string[]} hidden
      * @param {"mm" | "SI"} units
      * @param {"light" | "dark"} theme
+     * @param {string} limits beyond which a curve is too large, in words
      */
-    draw(drawing, hidden, units, theme) {
+    draw(drawing, hidden, units, theme, limits) {
+
         const kinds = ORDER.filter((kind) => drawing.lines.some((line) => line.kind === kind));
         const keys = [...new Set(drawing.lines.map(({ key }) => key))];
         const shape = JSON.stringify([drawing.lines.map(({ key, kind, label, colour }) => [key, kind, label, colour]), drawing.names, hidden, theme]);
+        write(this.limits, kinds.length > 1 ? limits.replace(/^limits? /, "") : limits);
+        this.limits.title = limits;
         if (shape === this.shape) { // the same rows, with other numbers
             this.values.forEach((value) => {
                 value.line = /** @type {Line} */ (drawing.lines.find(({ key, kind }) => key === value.line.key && kind === value.line.kind));
@@ -55,10 +63,9 @@ export class Legend {
             button.addEventListener("click", () => this.toggle(key));
             return make("div", { className: "row" }, button, ...lines.map((line) => this.value(line)));
         });
-        const head = kinds.length > 1 || kinds[0] === "difference"
-            ? [make("div", { className: "row head" }, make("span"), ...kinds.map((kind) => heading(kind, drawing.names[kind] ?? kind)))]
-            : [];
-        this.element.replaceChildren(...head, ...rows);
+        this.name = kinds.length > 1 ? (drawing.names.now ?? "") : "";
+        const heads = kinds.map((kind) => (kind === "now" ? this.now : heading(kind, drawing.names[kind] ?? kind)));
+        this.element.replaceChildren(make("div", { className: "row head" }, this.limits, ...heads), ...rows);
         if (focus) /** @type {HTMLElement | null} */ (this.element.querySelector(`[data-key="${CSS.escape(focus)}"]`))?.focus();
     }
 
@@ -78,9 +85,12 @@ export class Legend {
     /**
      * Show values at an instant.
      * @param {number} time [s]
-     * @param {Record<string, number> | null} own of the run that is shown, where they are known already
+     * @param {import("./types").Instant | null} now what the page shows, if it is that
      */
-    at(time, own) {
+    at(time, now) {
+        write(this.now, now?.byHand ? "held" : this.name);
+        this.now.classList.toggle("held", Boolean(now?.byHand));
+        const own = now?.values;
         for (const { line, cell } of this.values) {
             const value = own && line.kind === "now" ? own[line.key] : valueAt(line.time, line.values, time);
             write(cell, fixed(value * this.factor, this.digits));

@@ -7,8 +7,8 @@ import { runOf } from "./instant.js";
 /** @typedef {import("./types").Curve} Curve */
 /** @typedef {"now" | "before" | "other" | "difference"} Kind */
 /** @typedef {{key: string, label: string, colour: string, kind: Kind, time: ArrayLike<number>,
- *             values: ArrayLike<number>, scale: number, limit?: [number | null, number | null]}} Line */
-/** @typedef {{group: string, unit: string, lines: Line[], names: Partial<Record<Kind, string>>}} Drawing */
+ *             values: ArrayLike<number>, x?: ArrayLike<number>, scale: number, limit?: [number | null, number | null]}} Line x: what it is drawn over, if not time */
+/** @typedef {{group: string, unit: string, over: import("./against").Over | null, lines: Line[], names: Partial<Record<Kind, string>>}} Drawing */
 
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#6b299e", "#b8860b", "#c2185b", "#455a64", "#7cb342"];
 
@@ -47,26 +47,30 @@ export function groupOf(state, index) {
 /** @param {State} state @param {number} index of the chart @returns {string[]} keys of curves that are not drawn */
 export const hiddenIn = (state, index) => state.charts[index]?.hidden ?? [];
 
+/** The curve that a chart is drawn over; empty for time, or where the run has no such curve. @param {State} state @param {number} index of the chart */
+export const overIn = (state, index) => curveOf(runOf(state), state.charts[index]?.over ?? "")?.key ?? "";
+
 /**
  * All that a chart draws, hidden curves too.
  * @param {State} state
- * @param {string} group
+ * @param {number} index of the chart
  * @returns {Drawing}
  */
-export function drawingOf(state, group) {
+export function drawingOf(state, index) {
+    const group = groupOf(state, index), over = overIn(state, index);
     const run = runOf(state);
     const { before } = state;
     const other = otherOf(state);
     const less = state.difference ? (other ?? before) : null;
     const found = groupsOf(run).find(({ name }) => name === group);
     /** @type {Drawing} */
-    const drawing = { group, unit: found?.unit ?? "", lines: [], names: { now: "this run" } };
+    const drawing = { group, unit: found?.unit ?? "", over: curveOf(run, over), lines: [], names: { now: "this run" } };
     const labels = shortened(found?.curves.map(({ label }) => label) ?? []);
     found?.curves.forEach((curve, i) => {
         const colour = curve.colour ?? COLOURS[i % COLOURS.length];
         /** @param {Kind} kind @param {Run} of @param {ArrayLike<number>} values */
         const line = (kind, of, values) => drawing.lines.push({
-            key: curve.key, label: labels[i], colour, kind, time: of.time.data, values, limit: curve.limit,
+            key: curve.key, label: labels[i], colour, kind, time: of.time.data, values, limit: curve.limit, x: over ? (curveOf(of, over)?.values.data ?? []) : undefined,
             scale: Math.abs(wholePeak(run.time.data, curve.values.data)?.value ?? 0),
         });
         const past = curveOf(before, curve.key);

@@ -7,15 +7,15 @@ import { within } from "./state.js";
 /**
  * What a link asks for; what makes no sense is left out.
  * @param {string} hash
- * @param {number} runs how many there are
+ * @param {import("./types").Run[]} runs
  * @returns {{run?: number, time?: number, missing?: string}} missing: the run that it asks for, where there is none
  */
 export function wanted(hash, runs) {
     const asked = new URLSearchParams(hash.replace(/^#/, ""));
     /** @type {{run?: number, time?: number, missing?: string}} */
     const found = {};
-    const run = Number(asked.get("run") ?? NaN) - 1;
-    if (Number.isInteger(run) && run >= 0 && run < runs) found.run = run;
+    const number = Number(asked.get("run") ?? NaN), run = runs.findIndex((each, i) => (each.number ?? i + 1) === number);
+    if (run >= 0) found.run = run;
     else if (asked.has("run")) found.missing = (asked.get("run") ?? "").slice(0, 20);
     const time = Number(asked.get("t") || NaN);
     if (Number.isFinite(time)) found.time = time;
@@ -26,7 +26,8 @@ export function wanted(hash, runs) {
 /** @param {State} state @returns {string} */
 export function hashOf({ document: { runs }, run, time }) {
     const instant = `t=${+time.toFixed(9)}`, filed = runs.filter(({ computed }) => !computed);
-    return filed.length > 1 ? `#run=${Math.max(0, filed.indexOf(runs[run])) + 1}&${instant}` : `#${instant}`;
+    const place = Math.max(0, filed.indexOf(runs[run])), number = filed[place]?.number;
+    return filed.length > 1 || number ? `#run=${number ?? place + 1}&${instant}` : `#${instant}`;
 }
 
 /** What a link does not carry, in a sentence; empty where it carries all. @param {State} state @returns {string} */
@@ -43,7 +44,7 @@ export function leftOut({ document: { runs }, whatIf, hand }) {
 
 /** Go where a link leads. @param {State} state @param {string} hash */
 export function follow(state, hash) {
-    const { runs } = state.document, { run, time, missing } = wanted(hash, runs.length);
+    const { runs } = state.document, { run, time, missing } = wanted(hash, runs);
     if (missing !== undefined) {
         const there = runs.length === 1 ? "is one run" : `are ${runs.length} runs`;
         const name = runs[state.run]?.name || `run ${state.run + 1}`;
@@ -53,7 +54,7 @@ export function follow(state, hash) {
     if (state.linked) state.set({ linked: "" });
     if (run !== undefined && run !== state.run) state.set({ run, whatIf: {}, zoom: null });
     if (time !== undefined) state.set({ time: within(state, time) });
-    if (run !== undefined || time !== undefined) state.set({ playing: false, hand: null, refused: null });
+    if (run !== undefined || time !== undefined) state.set({ playing: false, hand: null });
 }
 
 /** Begin where the document says, or the link that the page was opened with. @param {HTMLElement} _element @param {State} state */
@@ -62,7 +63,7 @@ export function mount(_element, state) {
     if (layers) state.set({ layers: { ...state.layers, ...layers } });
     if (speed !== undefined) state.set({ speed });
     if (time !== undefined) state.set({ time: within(state, time) });
-    if (playing) state.set({ playing });
+    if (playing && !matchMedia("(prefers-reduced-motion: reduce)").matches) state.set({ playing }); // who asks for less motion starts it himself
     const said = make("p", { className: "note alarm linked", role: "alert" });
     document.getElementById("heading")?.append(said);
     state.subscribe((_, changed) => {

@@ -2,7 +2,6 @@
 import * as cases from "./cases.js";
 import * as charts from "./charts.js";
 import * as clock from "./clock.js";
-import * as compare from "./compare.js";
 import * as connection from "./connection.js";
 import { read } from "./document.js";
 import * as downloads from "./downloads.js";
@@ -18,6 +17,7 @@ import { picture } from "./picture.js";
 import * as planning from "./planning.js";
 import * as print from "./print.js";
 import * as room from "./room.js";
+import * as runs from "./runs.js";
 import * as scene from "./scene.js";
 import * as solving from "./solving.js";
 import * as spoken from "./spoken.js";
@@ -41,12 +41,12 @@ const PARTS = [
     ["charts", "charts", charts.mount],
     ["connection", "connection", connection.mount],
     ["settings", "settings", panel.settings],
+    ["list of runs", "runs", runs.mount],
     ["table", "table", table.mount],
     ["pose", "pose", panel.mount],
     ["room to move", "room", room.mount],
     ["static and dynamic part", "cases", cases.mount],
     ["what-if", "what-if", what_if.mount],
-    ["comparison", "compare", compare.mount],
     ["waypoints", "waypoints", waypoints.mount],
     ["layers", "layers", views.mount],
     ["downloads", "downloads", downloads.mount],
@@ -78,7 +78,7 @@ async function start() {
         state,
         instant: () => instant(state),
         seek: (/** @type {number} */ time) => {
-            state.set({ time: within(state, time), playing: false, hand: null, refused: null });
+            state.set({ time: within(state, time), playing: false, hand: null });
             state.refresh();
             state.stage?.refine();
         },

@@ -50,9 +50,8 @@ function lost(element, stage) {
 
 /** Why the platform did not follow, and the way back to the run. @param {HTMLElement} element @param {State} state */
 function told(element, state) {
-    const row = made(element, "div", "told");
-    const line = made(row, "p", "refused");
-    const back = made(row, "button", "back", "Back to the run");
+    const line = made(element, "p", "refused");
+    const back = made(element, "button", "back", "Back to the run");
     back.addEventListener("click", () => letGo(state));
     state.subscribe(() => {
         line.textContent = state.refused?.text ?? "";

@@ -1,4 +1,5 @@
 // Settings of the whole page, and fields for the pose.
+import { heading } from "./by_hand.js";
 import { setInput, valueOf } from "./hold.js";
 import * as joints from "./joints.js";
 import { choose, make, mark, write } from "./make.js";
@@ -7,23 +8,18 @@ import { fixed, shown } from "./units.js";
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Input} Input */
 
-/** Run, units, light or dark. @param {HTMLElement} element @param {State} state */
+/** Units, light or dark, and notes on the run. @param {HTMLElement} element @param {State} state */
 export function settings(element, state) {
-    const runs = make("select", { id: "run" });
-    runs.addEventListener("change", () => state.set({ run: Number(runs.value), solved: null, whatIf: {}, hand: null, zoom: null }));
-    const row = make("label", { className: "field" }, "Run ", runs);
     const units = make("select", { "aria-label": "Units", title: "Units (U)" });
     units.addEventListener("change", () => state.set({ units: /** @type {State["units"]} */ (units.value) }));
     const theme = make("select", { "aria-label": "Light or dark", title: "Light or dark (T)" });
     theme.addEventListener("change", () => state.set({ theme: /** @type {State["theme"]} */ (theme.value) }));
     const help = make("button", { type: "button", title: "Keys (?)", onclick: () => state.set({ help: true }) }, "Keys");
     const notes = make("ul", { className: "note notes" });
-    element.append(row, make("div", { className: "choices" }, units, theme, help), notes);
+    element.append(make("div", { className: "choices" }, units, theme, help), notes);
     state.subscribe((_, changed) => {
         const { document } = state;
         if (changed.has("document") || changed.has("run")) {
-            choose(runs, document.runs.map((run, i) => [String(i), run.name || `run ${i + 1}`]), String(state.run));
-            row.hidden = document.runs.length < 2;
             const said = document.runs[state.run]?.notes ?? [];
             notes.replaceChildren(...said.map((text) => make("li", {}, text)));
             notes.hidden = !said.length;
@@ -41,9 +37,8 @@ export function mount(element, state) {
     /** @type {Input[] | null} */
     let shown = null;
     const room = make("div", { className: "fields" });
-    const release = make("button", { type: "button", onclick: () => state.set({ hand: null, refused: null }) }, "Back to the run");
-    const said = make("p", { className: "note refused", role: "status" });
-    element.append(make("h2", {}, "Pose"), room, release, said);
+    const head = heading(state, "Pose", state.engine ? "Drag P or the ring in the picture, or type a pose; Esc goes back to the run." : "");
+    element.append(head.title, room, head.said);
     state.subscribe(() => {
         const { inputs } = state.document;
         if (shown !== inputs) {
@@ -53,8 +48,7 @@ export function mount(element, state) {
             element.hidden = !inputs.length;
         }
         fields.forEach((field) => field.show());
-        release.hidden = !state.hand;
-        write(said, state.refused?.text ?? "");
+        head.show(state.refused?.text ?? "");
     });
 }
 

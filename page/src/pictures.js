@@ -1,7 +1,8 @@
 // Charts as a picture: drawn anew, in light colours, at any size, with legend, values and cursor.
+import { pointAt } from "./against.js";
 import { Chart, EDGE, GUTTER } from "./chart.js";
 import { valueAt } from "./curves.js";
-import { drawingOf, groupOf, hiddenIn, shownSpan } from "./lines.js";
+import { drawingOf, hiddenIn, shownSpan } from "./lines.js";
 import { readable } from "./themes.js";
 import { clock, decimals, fixed, shown, titled } from "./units.js";
 
@@ -19,7 +20,7 @@ const DASHES = { now: [], before: [5, 4], other: [8, 3, 2, 3], difference: [] };
  * @returns {HTMLCanvasElement}
  */
 export function chartPicture(state, index, width, height) {
-    const drawing = drawingOf(state, groupOf(state, index));
+    const drawing = drawingOf(state, index);
     const hidden = hiddenIn(state, index);
     const lines = drawing.lines.filter(({ key }) => !hidden.includes(key));
     const span = shownSpan(state);
@@ -30,7 +31,7 @@ export function chartPicture(state, index, width, height) {
     document.body.append(nowhere);
     try {
         const chart = new Chart(nowhere, width, height - top);
-        chart.draw({ lines, unit: drawing.unit, units: state.units, theme: "light", span, ticks: true });
+        chart.draw({ lines, unit: drawing.unit, units: state.units, theme: "light", span, ticks: true, over: drawing.over });
         const drawn = /** @type {import("uplot")} */ (chart.plot);
         const picture = document.createElement("canvas");
         const ratio = drawn.ctx.canvas.width / width;
@@ -41,16 +42,29 @@ export function chartPicture(state, index, width, height) {
         to.fillRect(0, 0, width, height);
         to.fillStyle = "#16202b";
         to.font = 'bold 13px system-ui, "DejaVu Sans", sans-serif';
-        to.fillText(titled(drawing.group, drawing.unit, state.units), GUTTER, 15);
+        to.fillText(titled(drawing.group, drawing.unit, state.units) + (drawing.over ? ` over ${drawing.over.label}` : ""), GUTTER, 15);
         legend(to, rows);
         to.drawImage(drawn.ctx.canvas, 0, top, width, height - top);
         const x = GUTTER + ((state.time - span[0]) / (span[1] - span[0])) * (width - GUTTER - EDGE);
         to.fillStyle = "#2563eb";
-        if (x >= GUTTER - 0.5 && x <= width - EDGE + 0.5) to.fillRect(x - 0.75, top + 8, 1.5, drawn.over.clientHeight);
+        if (drawing.over) spots(to, lines, state.time, drawn, top);
+        else if (x >= GUTTER - 0.5 && x <= width - EDGE + 0.5) to.fillRect(x - 0.75, top + 8, 1.5, drawn.over.clientHeight);
         drawn.destroy();
         return picture;
     } finally {
         nowhere.remove();
+    }
+}
+
+/** Where curves are at an instant that are drawn over another one. */
+/** @param {CanvasRenderingContext2D} to @param {import("./lines").Line[]} lines @param {number} time @param {import("uplot")} plot @param {number} top */
+function spots(to, lines, time, plot, top) {
+    for (const line of lines) {
+        const [x, y] = pointAt(line, time);
+        to.fillStyle = readable(line.colour, "light");
+        to.beginPath();
+        to.arc(GUTTER + plot.valToPos(x, "x"), top + 8 + plot.valToPos(y, "y"), 4, 0, 2 * Math.PI);
+        to.fill();
     }
 }
 

@@ -15,12 +15,13 @@ export function mount(element, state) {
     const cells = AXES.flatMap(() => [cell(), cell()]);
     const rows = AXES.map((axis, k) => make("tr", {}, make("th", { scope: "row" }, axis), cells[2 * k].element, cells[2 * k + 1].element));
     const table = make("table", { className: "room" }, make("tbody", {}, ...rows));
-    const said = make("p", { className: "note", role: "status" });
+    const said = make("p", { className: "alarm", role: "status" });
+    const kept = make("p", { className: "note" }, "From here, at rest, one way at a time.");
     const map = make("input", { type: "checkbox" });
     map.addEventListener("change", () => state.set({ layers: { ...state.layers, map: map.checked } }));
     const show = make("label", { className: "check", title: "Show where P could be at this tilt, in the picture" }, map, " map");
     const left = margin(state);
-    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), table, said, left.part);
+    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), make("div", { className: "ways" }, table, said), kept, left.part);
     let known = "";
     state.subscribe(() => {
         map.checked = state.layers.map;
@@ -39,9 +40,8 @@ export function mount(element, state) {
             write(cells[k].what, distance === Infinity || !reason ? "" : stopped(reason));
             cells[k].element.dataset.distance = String(distance);
         });
-        table.hidden = here.length > 0;
-        write(said, here.length ? `It cannot stay here: ${here.map(told).join("; ")}.` : "From here, at rest, one way at a time.");
-        said.classList.toggle("alarm", here.length > 0);
+        table.classList.toggle("none", here.length > 0); // it keeps its room
+        write(said, here.length ? `It cannot stay here: ${here.map(told).join("; ")}.` : "");
     });
 }
 

@@ -59,6 +59,8 @@ export class Stage {
         this.touched = false;
         this.width = this.height = 1;
         this.waiting = false;
+        /** The version of the state that everything was put for. */
+        this.placed = state.version;
         /** Pictures drawn so far. */
         this.frames = 0;
         /** Called after each picture. @type {Set<() => void>} */
@@ -171,6 +173,7 @@ export class Stage {
         }
         if (changed.has("document") || changed.has("layers")) this.contents.measure();
         this.contents.place();
+        this.placed = state.version;
         if (changed.has("run") || changed.has("document")) this.contents.tint(this.style);
         this.render();
     }
@@ -196,7 +199,12 @@ export class Stage {
     redraw() {
         if (this.waiting) return;
         this.waiting = true;
-        requestAnimationFrame(() => this.waiting && this.render());
+        requestAnimationFrame(() => this.waiting && this._current() && this.render());
+    }
+
+    /** Whether everything is where the state says; if not, a refresh is about to draw it. */
+    _current() {
+        return this.placed === this.state.version;
     }
 
     /** Draw now; in software with smooth edges only a moment later, if nothing moves. */
@@ -204,11 +212,12 @@ export class Stage {
         this._draw(this.soft ? 1 : Math.min(window.devicePixelRatio || 1, FINEST));
         if (!this.soft) return;
         clearTimeout(this.timer);
-        this.timer = window.setTimeout(() => this.refine(), PAUSE);
+        this.timer = window.setTimeout(() => this._current() && this.refine(), PAUSE);
     }
 
     /** Draw as finely as it can be. */
     refine() {
+        if (!this._current()) this.state.refresh();
         clearTimeout(this.timer);
         this._draw(this.soft ? FINEST : Math.min(window.devicePixelRatio || 1, FINEST));
     }

@@ -6,6 +6,9 @@ import { ANY_PACE, NO_TASK } from "./plan.js";
 
 const later = typeof requestAnimationFrame === "function" ? requestAnimationFrame : queueMicrotask;
 
+/** What takes the machine away from a pose, and so from one that was refused. */
+const LEAVES = ["hand", "time", "run", "document", "whatIf"];
+
 /** Layers of the page itself, beside those of the document's scene. */
 export const OWN_LAYERS = [
     { name: "forces", label: "Forces", shown: true },
@@ -40,8 +43,9 @@ export function createState(document) {
         ...fields,
         version: 0,
         set(changes) {
-            Object.assign(state, changes);
-            Object.keys(changes).forEach((key) => changed.add(key));
+            const left = state.refused && LEAVES.some((key) => key in changes) ? { refused: null, ...changes } : changes;
+            Object.assign(state, left);
+            Object.keys(left).forEach((key) => changed.add(key));
             state.version += 1;
             if (("run" in changes || "document" in changes) && !("time" in changes)) {
                 state.time = within(state, state.time);

@@ -37,13 +37,13 @@ export const shortLabels = ({ curves }) => shortened(curves.map(({ label }) => l
 
 /** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
-    const hand = make("p", { className: "note hand" });
+    const hand = make("p", { className: "note hand", title: "Peaks are those of the run" });
     const table = new Numbers(state);
     element.append(table.element, hand);
     state.subscribe((_, changed) => {
         if (SHAPED.some((name) => changed.has(name))) table.take();
         table.show();
-        write(hand, instant(state).byHand ? "As it is held: at rest, by hand." : "");
+        write(hand, instant(state).byHand ? "As it is held: at rest, by hand." : "As in the run, at this instant.");
     });
 }
 

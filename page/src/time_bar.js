@@ -18,7 +18,7 @@ export function step(state, count) {
 
 /** Go to an instant, and stay there. @param {State} state @param {number} time [s] */
 export function seek(state, time) {
-    state.set({ time: within(state, time), playing: false, hand: null, refused: null });
+    state.set({ time: within(state, time), playing: false, hand: null });
 }
 
 /** @param {State} state */

@@ -44,6 +44,8 @@ export interface Run {
     curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
     /** Made in this page, with this machine: waypoints, or a run that was kept. */
     computed?: "waypoints" | "kept";
+    /** Which one of the file's it is, from one, since one of them was removed from the page. */
+    number?: number;
     /** How its machine differs from the document's, or from `parameters` where these are. */
     machine?: WhatIf;
     /** The numbers of its machine, where it is another one than the document's. */
@@ -73,7 +75,8 @@ export type Hand = { pose: number[] } | { q: number[] };
 export type WhatIf = import("./machine.js").WhatIf;
 /** "free": turned by hand. */
 export type View = "3d" | "front" | "side" | "top" | "free";
-export interface ChartChoice { group: string; hidden: string[] }
+/** What a chart shows: curves of a group, without the hidden ones; over another curve, or over time where none is named. */
+export interface ChartChoice { group: string; hidden: string[]; over: string }
 
 /** A coloured picture in the plane x = 0 of the fixed frame, drawn in 3D: rows go up in z. */
 export interface Picture {

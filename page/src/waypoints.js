@@ -89,7 +89,7 @@ class Row {
         this.go = make("button", { type: "button", title: "Show the platform here", "aria-label": `Show waypoint ${k + 1}` }, "show");
         this.go.addEventListener("click", () => {
             const { pose } = state.task.waypoints[k];
-            if (pose.length === 3) state.set({ hand: { pose }, refused: null, playing: false });
+            if (pose.length === 3) state.set({ hand: { pose }, playing: false });
         });
         this.item = make("li", { className: "waypoint" },
             make("div", { className: "line" }, grip, make("b", {}, String(k + 1)), ...this.boxes, remove),

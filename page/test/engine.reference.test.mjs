@@ -1,4 +1,4 @@
-// The engine against numbers of Python, in the file that P3DOF_REFERENCE names: tests/test_page_engine.py writes it.
+// The engine against numbers of Python, in the file that P3DOF_REFERENCE names: tests/viewer/test_page_engine.py writes it.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
@@ -10,7 +10,7 @@ import { margins } from "../src/workspace.js";
 
 const file = process.env.P3DOF_REFERENCE;
 const reference = file ? JSON.parse(readFileSync(file, "utf8")) : null;
-const options = { skip: reference ? false : "P3DOF_REFERENCE names no file: pytest tests/test_page_engine.py writes one" };
+const options = { skip: reference ? false : "P3DOF_REFERENCE names no file: pytest tests/viewer/test_page_engine.py writes one" };
 const SHARE = 1e-12;
 
 /** @param {number[]} numbers */

@@ -4,7 +4,7 @@ import { read } from "../src/document.js";
 import { unpacked } from "../src/messages.js";
 import { carriage } from "./documents.mjs";
 
-/** As `p3dof.viewer.messages` packs it. @param {object} json @param {ArrayBufferView[]} arrays */
+/** As `p3dof.viewer.session` packs it. @param {object} json @param {ArrayBufferView[]} arrays */
 function packed(json, ...arrays) {
     let text = JSON.stringify(json);
     text += " ".repeat((8 - (new TextEncoder().encode(text).length % 8)) % 8);

@@ -9,21 +9,24 @@ mean more than numbers: the kernel alone is the same processor in the same minut
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 
 import p3dof
+from p3dof._base.files import write_table
 from p3dof.analysis.designs import DesignEvaluation, Designs
-from p3dof.analysis.designs.figures import FigureGroup
-from p3dof.analysis.designs.samples import samples_of
-from p3dof.closed_form.compiled.design_kernels import design_kernel
+from p3dof.analysis.designs.figures import FigureGroup, samples_of
+from p3dof.analysis.designs.files import ROWS, evaluated, read_designs, results_file, table_of_results
+from p3dof.closed_form.compiled.designs import design_kernel
 from p3dof.closed_form.compiled.kernels import MachineKernels, levels
 from p3dof.closed_form.compiled.reduced import model_of
-from p3dof.closed_form.compiled.reduced.friction import friction_numbers
+from p3dof.closed_form.compiled.reduced.dynamics import friction_numbers
 
 SAMPLES, DESIGNS = 200, 32_768
 MOTION = p3dof.paper_motion(SAMPLES)
@@ -105,6 +108,34 @@ def gradients(designs: dict[str, np.ndarray], figures: tuple[FigureGroup, ...], 
     return f"{slow * 1e6:.0f}, {fast * 1e6:.1f}, {slow / fast:.0f} × ({alone * 1e6:.1f})"
 
 
+def files(rounds: int) -> str:
+    """Return what a design costs from file to file, of it computed, and how fast motions are read."""
+    rng = np.random.default_rng(1)
+    evaluation = DesignEvaluation(MOTION, threads=1)
+    with tempfile.TemporaryDirectory() as folder:
+        table, found, motion = (Path(folder) / f"{name}.csv" for name in ("designs", "found", "motion"))
+        given = columns("symmetric", rng)
+        write_table(table, list(given), tuple(given.values()))
+        p3dof.paper_motion(100_001).to_csv(motion)
+        text, size = motion.read_text(), motion.stat().st_size / 1e6
+
+        def command() -> None:
+            with results_file(found) as writer:
+                for rows, results in evaluated(
+                    read_designs(table, ROWS), evaluation, p3dof.PAPER, "kept", "designs"
+                ):
+                    writer.write(table_of_results(rows, results))
+
+        whole = least(command, rounds) / DESIGNS
+        alone = least(partial(evaluation.evaluate, Designs(given)), rounds) / DESIGNS
+        read = size / least(partial(p3dof.Motion.from_csv, motion, check=False), rounds)
+        careful = size / least(lambda: np.loadtxt(text.splitlines()[1:], delimiter=","), rounds)
+    return (
+        f"a design from file to file {whole * 1e6:.2f} µs, of it computed {alone * 1e6:.2f}; "
+        f"Motion.from_csv {read:.0f} MB/s, {read / careful:.1f} × numpy.loadtxt"
+    )
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -115,8 +146,8 @@ def main() -> None:
         f"{DESIGNS} designs, {SAMPLES} samples, {level}, one thread: million designs a second "
         "(as a share of the kernel of a machine alone)"
     )
-    skew = p3dof.Designs({"leg.com.y [mm]": [1.0]})[0]
-    rough = p3dof.Designs({"leg.com.y [mm]": [1.0], "friction.viscous.sliders": [1.0]})[0]
+    skew = p3dof.analysis.Designs({"leg.com.y [mm]": [1.0]})[0]
+    rough = p3dof.analysis.Designs({"leg.com.y [mm]": [1.0], "friction.viscous.sliders": [1.0]})[0]
     alone = {
         "symmetric": kernel_alone("inverse_dynamics", p3dof.PAPER, level, rounds),
         "symmetric, of solids": kernel_alone("inverse_dynamics", p3dof.PAPER, level, rounds),
@@ -148,6 +179,7 @@ def main() -> None:
     for kind in ("symmetric", "general", "general, with friction"):
         for figures in (("singularity",), ("power",)):
             say(f"{kind:24s} {figures[0]:12s} {gradients(columns(kind, rng), figures, rounds)}")
+    say(files(rounds))
     few = Designs({name: column[:256] for name, column in columns("symmetric", rng).items()})
     robot = p3dof.load()
     state = MOTION.pose, MOTION.velocity, MOTION.acceleration

@@ -23,13 +23,13 @@ waypoints:
   - {pose: [150 mm, 25 mm], blend: 25 mm}
   - {name: place, pose: [150 mm, 0, 15 deg]}
 """
-FRICTION = p3dof.Friction(viscous={"sliders": 20}, coulomb={"sliders": 5})
+FRICTION = p3dof.machine.Friction(viscous={"sliders": 20}, coulomb={"sliders": 5})
 CASES = {
-    "500 N, 2 m/s, 1,000 steps": (False, p3dof.AxisLimits(500, 2), 1000),
-    "the same with friction": (True, p3dof.AxisLimits(500, 2), 1000),
-    "the same with 100 W": (True, p3dof.AxisLimits(500, 2, 100), 1000),
-    "500 m/s³, as many steps as by default": (False, p3dof.AxisLimits(500, 2, jerk=500), None),
-    "500 m/s³, 60 steps": (False, p3dof.AxisLimits(500, 2, jerk=500), 60),
+    "500 N, 2 m/s, 1,000 steps": (False, p3dof.design.AxisLimits(500, 2), 1000),
+    "the same with friction": (True, p3dof.design.AxisLimits(500, 2), 1000),
+    "the same with 100 W": (True, p3dof.design.AxisLimits(500, 2, 100), 1000),
+    "500 m/s³, as many steps as by default": (False, p3dof.design.AxisLimits(500, 2, jerk=500), None),
+    "500 m/s³, 60 steps": (False, p3dof.design.AxisLimits(500, 2, jerk=500), 60),
 }
 
 
@@ -44,7 +44,7 @@ def main() -> None:
         least = float("inf")
         for _ in range(rounds):
             begin = time.process_time()
-            plan = p3dof.fastest_plan(lossy if friction else bare, task, limits, nodes=nodes)
+            plan = p3dof.design.fastest_plan(lossy if friction else bare, task, limits, nodes=nodes)
             least = min(least, time.process_time() - begin)
         worst = max(use.share for use in plan.uses)
         console.print(f"{name:40s} {least:7.2f} s CPU, {plan.duration:.6f} s, limits used to {worst:.6f}")

@@ -35,12 +35,13 @@ from p3dof._base.errors import DynamicsError, P3dofError
 from p3dof._base.tracing.python import function_of
 from p3dof.loops import CompiledLoop
 from p3dof.loops.compiled import build
-from p3dof.loops.compiled.kernels import pointers, sizes
+from p3dof.loops.compiled.function import pointers, sizes
 from p3dof.loops.compiled.printing import lanes_source
 
 ROUNDS, ROWS, MANY, TIMES = 15, 64, 512, 8
 INVERSE, FORWARD = "inverse_dynamics", "forward_dynamics"
 C, BOUND, ROWS_OF, CALL, BATCH = "C, one sample", "bound call", "rows", "ClosedLoopModel", "its batch"
+FEW_ROWS, WHOLE, FEW_WHOLE = "100 rows", "its batch, compiled", "its batch, compiled, 100 rows"
 LANES = {"avx512": "SIMD8", "avx2": "SIMD4"}
 MUJOCO, CASADI = "MuJoCo, open tree, C", "CasADi's C"
 ROBOTS = ("five_bar", "leg", "delta", "stewart")
@@ -84,6 +85,8 @@ PROMISES = (
     ("SIMD8 / C", INVERSE, "SIMD8", C, 4.0),
     ("SIMD4 / C", INVERSE, "SIMD4", C, 2.5),
     ("rows from Python / batch", INVERSE, ROWS_OF, BATCH, 100.0),
+    ("batch, compiled / rows", INVERSE, WHOLE, ROWS_OF, 0.5),
+    ("the same, 100 rows", INVERSE, FEW_WHOLE, FEW_ROWS, 0.5),
     ("C / ClosedLoopModel", FORWARD, C, CALL, 150.0),
 )
 """What is faster, for which function, than what, and at least how many times."""
@@ -285,6 +288,10 @@ def contenders(
         single = [array[MANY // 3] for array in arrays]
         yield calling(what, CALL, name, partial(getattr(loop, what), *single))
     yield calling(INVERSE, BATCH, name, lambda: loop.inverse_dynamics_batch(q, v, a), MANY)
+    whole = partial(loop.inverse_dynamics_batch, method=compiled)
+    yield calling(INVERSE, WHOLE, name, partial(whole, *long[:3]), TIMES * MANY)
+    yield calling(INVERSE, FEW_ROWS, name, partial(compiled.inverse_dynamics, q[:100], v[:100], a[:100]), 100)
+    yield calling(INVERSE, FEW_WHOLE, name, partial(whole, q[:100], v[:100], a[:100]), 100)
     told = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     for level, words in LANES.items():
         if {"avx512": "avx512dq", "avx2": "avx2"}[level] in told:

@@ -36,7 +36,7 @@ INDEPENDENT, DEPENDENT = "independent calls", "each waits for the last"
 ROWS = 1024  # as in driver.c
 
 VECTOR_FLAGS = ("-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd")
-"""The flags of setup.py beside -O3."""
+"""The flags of setup.py that change what kernels compute."""
 
 _KERNEL = """\
 #include <math.h>
@@ -50,6 +50,8 @@ _KERNEL = """\
 enum {{ BLOCK = 80, LINE = 88 }};
 #define P3DOF_NAME(f) f##_one
 #include "{headers}/vector_math.h"
+#define P3DOF_ROW 8
+#include "{headers}/rows.h"
 #include "{headers}/generated/batch_kernels.h"
 static const double constants[] = {{{constants}}};
 static const double *numbers = constants;

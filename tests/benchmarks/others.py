@@ -9,7 +9,7 @@ import pinocchio as pin
 from rounds import Contender, calling
 
 import p3dof
-from p3dof.loops.batch.states import complete_near
+from p3dof.loops.batch.assembly import complete_near
 from p3dof.methods import engines
 from p3dof.methods.pinocchio import target_of
 

@@ -21,8 +21,8 @@ import pages
 from browser import chromium, opened
 
 import p3dof
-from p3dof.viewer.document.document import page_document
 from p3dof.viewer.document.html import page_html
+from p3dof.viewer.machine.document import page_document
 
 READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 SECONDS = 4

@@ -200,7 +200,8 @@ def _disassembled(folder: Path) -> dict[str, list[str]]:
         return found
     command = [sys.executable, "setup.py", "-q", "build_ext", "--build-lib", folder, "--build-temp", folder]
     subprocess.run(command, cwd=Path(__file__).parents[2], check=True)  # that one was stripped
-    return _functions(next(folder.rglob("_compiled.o")))
+    objects = [_functions(made) for made in folder.rglob("level_*.o")]
+    return {name: lines for functions in objects for name, lines in functions.items()}
 
 
 def _functions(path: Path) -> dict[str, list[str]]:

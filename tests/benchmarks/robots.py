@@ -22,16 +22,20 @@ from rounds import Contender, Timing, calling, described, load_average, measure,
 import p3dof
 from p3dof import ClosedLoopModel
 from p3dof._base.errors import P3dofError
+from p3dof.loops.assembly import TOLERANCE, Limits
+from p3dof.loops.linear import RANK_TOLERANCE
 
 GALLERY = Path(__file__).parents[2] / "docs" / "_static" / "gallery"
 ROUNDS = 15
 SAMPLES = 512
-INVERSE, FORWARD, HYBRID, COMPLETE, ASSEMBLE = (
+STARTS, LEAST = 64, 1e-6
+INVERSE, FORWARD, HYBRID, COMPLETE, ASSEMBLE, FAR = (
     "inverse dynamics",
     "forward dynamics",
     "hybrid dynamics",
     "complete, from the sample before",
     "assemble, from 0.01 beside",
+    "assemble, from anywhere",
 )
 PLAIN, BATCH = "plain Pinocchio: ", "batch: "
 
@@ -70,6 +74,43 @@ class Rival:
         if self.size < model.nv:
             A, f = A[self.kept], f[self.kept]
         return np.linalg.solve(A, f)[:n]
+
+
+class Newton:
+    """Newton's method that closes loops by shortest steps, halved until the error falls; nothing besides."""
+
+    def __init__(self, loop: ClosedLoopModel) -> None:
+        self.model, self.data, self.constraints = loop.model, loop.model.createData(), loop.constraint_models
+        self.datas = pin.StdVec_ConstraintData()
+        for constraint in self.constraints:
+            self.datas.append(constraint.createData())
+        self.pairs = list(zip(self.constraints, self.datas, strict=True))
+        self._contents = [data.extract() for data in self.datas]
+        self._errors = [data.constraint_position_error for data in self._contents]
+
+    def __call__(self, q: np.ndarray) -> np.ndarray | None:
+        r = self._error(q)
+        for _ in range(100):
+            if np.abs(r).max() <= TOLERANCE:
+                return q
+            J = pin.getConstraintsJacobian(self.model, self.data, self.constraints, self.datas)
+            step, cost, fraction = np.linalg.lstsq(J, -r, rcond=RANK_TOLERANCE)[0], r @ r, 1.0
+            while True:
+                there = pin.integrate(self.model, q, fraction * step)
+                r = self._error(there)
+                if r @ r < cost:
+                    break
+                fraction /= 2.0
+                if fraction < LEAST:
+                    return None
+            q = there
+        return None
+
+    def _error(self, q: np.ndarray) -> np.ndarray:
+        pin.computeJointJacobians(self.model, self.data, q)
+        for constraint, data in self.pairs:
+            constraint.calc(self.model, self.data, data)
+        return np.concatenate(self._errors)
 
 
 class BareForward:
@@ -152,6 +193,15 @@ def contenders(name: str, loop: ClosedLoopModel) -> Iterator[Contender]:
     yield many(COMPLETE, loop.complete_batch, values, rates, change)
     away = [pin.integrate(loop.model, row, 0.01 * np.cos(np.arange(loop.model.nv))) for row in q]
     yield one(ASSEMBLE, lambda guess: loop.assemble(None, guess), np.array(away))
+    if plain and loop.constraint_models:
+        newton, limits, generator = Newton(loop), Limits(loop.model), np.random.default_rng(0)
+        far = [limits.random(loop.model, q[0], generator) for _ in range(STARTS)]
+        closes = [start for start in far if newton(start) is not None]
+        for start in far:
+            loop.assemble(None, start)  # closes from everywhere
+        yield one(PLAIN + ASSEMBLE, newton, np.array(away))
+        yield one(PLAIN + FAR, newton, np.array(closes))
+        yield one(FAR, lambda guess: loop.assemble(None, guess), np.array(closes))
 
 
 def table(found: dict[tuple[str, str, str], Timing], loops: dict[str, ClosedLoopModel]) -> Table:
@@ -169,7 +219,7 @@ def table(found: dict[tuple[str, str, str], Timing], loops: dict[str, ClosedLoop
     )
     for head in heads:
         result.add_column(head, justify="left" if head in ("", "robot") else "right")
-    for what in (INVERSE, FORWARD, HYBRID, COMPLETE, ASSEMBLE):
+    for what in (INVERSE, FORWARD, HYBRID, COMPLETE, ASSEMBLE, FAR):
         for name, loop in loops.items():
             times = [found.get((what, prefix + what, name)) for prefix in (PLAIN, "", BATCH)]
             if times[1] is None:

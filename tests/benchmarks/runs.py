@@ -1,8 +1,8 @@
 """Runs of the paper's machine in C: times faster than real time, than the integrator in Python, than SciPy.
 
 All in one process, on one thread, in processor time; the least of interleaved rounds. Errors are those of the
-poses at the samples against a run at the smallest tolerances. "integration" is `Simulation.seconds`, from the
-first step to the last; "call" is all of `robot.simulate`, its result included. MuJoCo and the other engines
+poses at the samples against a run at the smallest tolerances. "prepared" is a call of what
+`robot.prepare_run` made, "call" all of `robot.simulate`, the result included. MuJoCo and the other engines
 are in ``simulation.py``, at equal errors. Run with ``make benchmark``. Timings are never a test: machines
 differ; compare the ratios of one run.
 """
@@ -20,8 +20,8 @@ from rounds import load_average, wide_console
 from scipy.integrate import solve_ivp
 
 import p3dof
-from p3dof import PD, ComputedTorque, ControlLoop, Integration, Springs
-from p3dof.runs.simulate import simulate_in_python, task_of
+from p3dof.runs import PD, ComputedTorque, ControlLoop, Integration, Springs
+from p3dof.runs.machine import RunOfMachine
 
 HOME, ROUNDS = np.zeros(3), 5
 EXACT = Integration(rtol=1e-13, atol=1e-16)
@@ -69,7 +69,7 @@ def cases(robot: p3dof.Manipulator) -> list[Case]:
 
 def in_python(robot: p3dof.Manipulator, case: Case, **more: Any) -> p3dof.Simulation:
     """Run by the integrator in Python, over the same kernels."""
-    return simulate_in_python(task_of(robot, case.duration, method="compiled", **case.how, **more))
+    return RunOfMachine(robot, case.duration, method="compiled", **case.how, **more).in_python()
 
 
 def timed(run: Callable[[], Any]) -> tuple[float, Any]:
@@ -97,11 +97,13 @@ def by_scipy(robot: p3dof.Manipulator, case: Case) -> tuple[float, int]:
 def row(robot: p3dof.Manipulator, case: Case) -> list[str]:
     """Measure one case."""
     inner, call, python, scipy = [], [], [], []
+    start = case.how.get("start", HOME)
+    prepared = robot.prepare_run(case.duration, **{k: v for k, v in case.how.items() if k != "start"})
     for _ in range(ROUNDS):
         for _ in range(20 if case.duration < 1 else 3):
             seconds, run = timed(lambda: robot.simulate(case.duration, method="compiled", **case.how))
             call.append(seconds)
-            inner.append(run.seconds)
+            inner.append(timed(lambda: prepared(start))[0])
         python.append(in_python(robot, case).seconds)
         if case.plain:
             scipy.append(by_scipy(robot, case))
@@ -128,7 +130,7 @@ def main() -> None:
     """Measure, and print a table."""
     robot = p3dof.load()
     table = Table(title=f"{robot.kernels!r}, load {load_average()}")
-    heads = ["run", "× real time, integration", "× real time, call", "× Python's", "× SciPy's, bare"]
+    heads = ["run", "× real time, prepared", "× real time, call", "× Python's", "× SciPy's, bare"]
     for head in (*heads, "error [m, rad]", "evaluations", "Python's", "ns each"):
         table.add_column(head, justify="left" if head == "run" else "right")
     for case in cases(robot):

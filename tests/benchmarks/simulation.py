@@ -23,10 +23,9 @@ from rich.table import Table
 from rounds import Contender, Timing, described, load_average, measure, wide_console
 
 import p3dof
-from p3dof import ControlLoop, Integration
 from p3dof._base.errors import P3dofError
 from p3dof.closed_form import kinematics
-from p3dof.runs import Springs
+from p3dof.runs import ControlLoop, Integration, Springs
 
 DURATION, TICK = 0.5, 1e-3
 FALL, PD = "falling under constant forces", "PD at 1 kHz"

@@ -13,7 +13,7 @@ import p3dof
 from p3dof.machine.description.mjcf_text import mjcf
 from p3dof.machine.parameters import SLIDES
 from p3dof.methods import engines
-from p3dof.methods.engines.bare import bare_mechanism
+from p3dof.methods.engines.base import bare_mechanism
 
 Forces = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Of slider positions and speeds."""

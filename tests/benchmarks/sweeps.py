@@ -93,7 +93,9 @@ def beside_bare_calls(folder, count):
             out = folder / "beside"
             start = time.process_time()
             if keep == "bare":
-                p3dof.forces_of_designs(columns, work.forces.motion, figures=("singularity",), threads=1)
+                p3dof.analysis.forces_of_designs(
+                    columns, work.forces.motion, figures=("singularity",), threads=1
+                )
             else:
                 run(count, out, keep=keep)
             times.append(time.process_time() - start)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 import p3dof
 from p3dof.machine import description
@@ -18,6 +22,19 @@ MECHANISM = description.with_masses(description.describe(PAPER))
 LINKS = {link.name: link for link in MECHANISM.links}
 MOVING = {joint.name: joint for joint in MECHANISM.moving}
 GRAVITY = np.array(PAPER.gravity)
+
+
+def later(name: str, missing: str) -> Any:
+    """Return a module that is imported when it is first used, so in one worker; skip without it."""
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.loader is None:
+        pytest.skip(missing, allow_module_level=True)
+    spec.loader = importlib.util.LazyLoader(spec.loader)
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def random_joints(seed: int, share: float = 0.9) -> dict[str, float]:

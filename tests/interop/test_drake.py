@@ -27,7 +27,7 @@ from scipy.interpolate import make_interp_spline
 
 import p3dof
 from p3dof.machine import description
-from p3dof.machine.description.drake_text import drake
+from p3dof.machine.description.urdf_text import drake
 from p3dof.machine.parameters import SOLIDS, Geometry, of_solids
 
 pytest.importorskip("pydrake", reason="Drake not installed: pip install 'p3dof[interop]'")

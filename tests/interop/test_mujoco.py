@@ -33,7 +33,7 @@ from scipy.integrate import solve_ivp
 import p3dof
 from p3dof import P3dofError
 from p3dof._base.errors import ModelError
-from p3dof._base.markup.mjcf import STIFFNESS, TIME_STEP
+from p3dof._base.markup import STIFFNESS, TIME_STEP
 from p3dof.machine import description
 from p3dof.machine.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
 from p3dof.machine.description.mjcf_text import holding_forces, mjcf

@@ -6,12 +6,22 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
-from reference import FILES, GRAVITY, LINKS, MECHANISM, MOVING, closed_joints, placements, random_joints
+from reference import (
+    FILES,
+    GRAVITY,
+    LINKS,
+    MECHANISM,
+    MOVING,
+    closed_joints,
+    later,
+    placements,
+    random_joints,
+)
 
 import p3dof
 
-wp = pytest.importorskip("warp", reason="Newton not installed: pip install 'p3dof[interop]'")
-newton = pytest.importorskip("newton", reason="Newton not installed: pip install 'p3dof[interop]'")
+wp = later("warp", "Newton not installed: pip install 'p3dof[interop]'")
+newton = later("newton", "Newton not installed: pip install 'p3dof[interop]'")
 
 READERS = ["urdf", "usda"]
 BODIES = {"urdf": list(LINKS), "usda": [name for name in LINKS if name not in MECHANISM.markers]}

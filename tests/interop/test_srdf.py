@@ -10,7 +10,7 @@ from reference import FILES, LINKS, MECHANISM, URDF
 
 from p3dof.machine import description
 from p3dof.machine.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.machine.description.srdf_text import srdf
+from p3dof.machine.description.urdf_text import srdf
 from p3dof.machine.parameters import PAPER, SOLIDS, Geometry, of_solids
 
 FILE = FILES / "p3dof.srdf"

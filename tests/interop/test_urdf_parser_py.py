@@ -24,9 +24,7 @@ def homogeneous(pose):
 def test_only_ros2_control_is_unknown_to_it(capsys):
     robot = parser.URDF.from_xml_file(str(URDF))
     assert robot.name == "p3dof"
-    assert capsys.readouterr().err.splitlines() == [
-        "Unknown tag \"ros2_control\" in /robot[@name='p3dof']",
-    ]
+    assert capsys.readouterr().err.splitlines() == ["Unknown tag \"ros2_control\" in /robot[@name='p3dof']"]
 
 
 def test_every_link_weighs_the_same(robot):

@@ -16,7 +16,7 @@ from reference import FILES, MECHANISM, URDF, assert_placements, closed_joints, 
 
 from p3dof.machine import description
 from p3dof.machine.description.mechanism import Closure, Joint, JointLimits, Link, Mechanism, Placement
-from p3dof.machine.description.urdf_plus_text import urdf_plus
+from p3dof.machine.description.urdf_text import urdf_plus
 from p3dof.machine.parameters import PAPER, SOLIDS, Geometry, of_solids
 
 FILE = FILES / "p3dof_plus.urdf"

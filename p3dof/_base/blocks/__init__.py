@@ -6,17 +6,24 @@ cluster; `Sweep.load` reads what is there. What is found of all items (`TopK`, `
 machines.
 """
 
-from p3dof._base.blocks.best import ParetoArchive, TopK, nondominated
 from p3dof._base.blocks.crew import Processes
-from p3dof._base.blocks.distributions import Distribution, LogUniform, Normal, Uniform
-from p3dof._base.blocks.manifest import REDUCTIONS, Manifest
 from p3dof._base.blocks.problem import Block, FunctionProblem, Problem, Sampling, digest
-from p3dof._base.blocks.reduction import Reduction, Rows, RowsReduction
-from p3dof._base.blocks.results import Sweep
+from p3dof._base.blocks.reduction import (
+    ColumnMoments,
+    Counts,
+    Histogram,
+    Moments,
+    ParetoArchive,
+    Reduction,
+    Rows,
+    RowsReduction,
+    TopK,
+    nondominated,
+)
+from p3dof._base.blocks.results import Sweep, sweep_facts, sweep_tables
 from p3dof._base.blocks.running import SweepInterrupted, sweep
-from p3dof._base.blocks.sampling import Grid, Samples
-from p3dof._base.blocks.statistics import ColumnMoments, Counts, Histogram, Moments
-from p3dof._base.blocks.tables import sweep_facts, sweep_tables
+from p3dof._base.blocks.sampling import Distribution, Grid, LogUniform, Normal, Samples, Uniform
+from p3dof._base.blocks.storage import REDUCTIONS, Manifest
 
 __all__ = [
     "REDUCTIONS",

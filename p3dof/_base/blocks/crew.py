@@ -19,17 +19,20 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import ProcessPoolExecutor
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from p3dof._base.blocks.problem import whole
+from p3dof._base.blocks import storage
+from p3dof._base.blocks.problem import Problem, computed, whole
+from p3dof._base.blocks.reduction import State
+from p3dof._base.blocks.storage import Manifest, path_of, require_folder
 from p3dof._base.checks import one_line, shown
 from p3dof._base.errors import InputError
+from p3dof._base.files import write_atomic
 
-_LOOK_AGAIN = 5.0
-"""How often the size of a cluster is asked for, which may grow [s]."""
+_LOOK_AGAIN = 5.0  # how often the size of a cluster is asked for, which may grow [s]
 
-_BATCH = 0.25
-"""How long a call of a cluster should take: its scheduler takes some milliseconds for each [s]."""
+_BATCH = 0.25  # how long a call of a cluster should take: its scheduler takes some milliseconds for each [s]
 
 MOST_WORKERS = 4096
 
@@ -99,26 +102,7 @@ def _end_with(parent: Any) -> None:
 
 
 def crew_of(client: Any, workers: int, in_flight: int | None) -> Crew:
-    """Return what blocks are handed to, whatever the user gave.
-
-    Parameters
-    ----------
-    client : distributed.Client, concurrent.futures.Executor or None
-        What the user gave.
-    workers : int
-        Threads, where it is None.
-    in_flight : int, optional
-        Most blocks that wait or are computed at a time; two a worker by default.
-
-    Returns
-    -------
-    Crew
-
-    Raises
-    ------
-    InputError
-        If `client` is something else.
-    """
+    """Return what blocks are handed to, whatever the user gave."""
     workers = whole("workers", workers, 1, MOST_WORKERS)
     if in_flight is not None:
         in_flight = whole("in_flight", in_flight, 1, 10**6)
@@ -138,17 +122,7 @@ def crew_of(client: Any, workers: int, in_flight: int | None) -> Crew:
 
 
 class Crew:
-    """Who computes blocks, as an executor.
-
-    Parameters
-    ----------
-    executor : concurrent.futures.Executor
-        Who computes.
-    room : int
-        Most blocks that wait or are computed at a time.
-    own : bool
-        Whether the executor ends with the sweep.
-    """
+    """Who computes blocks, as an executor."""
 
     dumps: Callable[[Any], bytes] = staticmethod(pickle.dumps)
 
@@ -159,20 +133,7 @@ class Crew:
         self._executor, self._room, self._own = executor, room, own
 
     def told(self, work: Any, name: str = "problem") -> Any:
-        """Return something as workers are told it: as bytes that they make it of again; here, as it is.
-
-        Parameters
-        ----------
-        work : object
-            What to tell.
-        name : str
-            What of it may be at fault where it cannot be told.
-
-        Raises
-        ------
-        InputError
-            If it cannot be pickled.
-        """
+        """Return something as workers are told it: as bytes that they make it of again; here, as it is."""
         if isinstance(self._executor, _Here):
             return work
         try:
@@ -310,3 +271,53 @@ class _Here(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+class Work(NamedTuple):
+    """What every worker is told once."""
+
+    problem: Problem
+    manifest: Manifest
+    folder: str | None
+
+
+class Done(NamedTuple):
+    """What comes back of a block."""
+
+    states: tuple[State, ...]
+    data: bytes | None
+
+
+_memory = threading.local()
+
+
+def run_blocks(told: bytes | Work, numbers: tuple[int, ...]) -> tuple[list[Done], float]:
+    """Compute some blocks: what a worker does; return how long it took too."""
+    work = told if isinstance(told, Work) else _unpacked(told)
+    if work.folder is not None:
+        require_folder(Path(work.folder))
+    begun = time.perf_counter()
+    found = [_run_block(work, number) for number in numbers]
+    return found, time.perf_counter() - begun
+
+
+def _run_block(work: Work, number: int) -> Done:
+    manifest = work.manifest
+    block = manifest.block(number)
+    columns = computed(work.problem, block)
+    states = tuple(reduction.of(columns, block.start) for reduction in manifest.reductions)
+    content = storage.Content({name: columns[name] for name in manifest.keep}, states)
+    data = storage.pack_block(manifest, block, content)
+    if work.folder is None:
+        return Done(states, data)
+    write_atomic(path_of(Path(work.folder), manifest, number), data)
+    return Done(states, None)
+
+
+def _unpacked(packed: bytes) -> Work:
+    """Return what a worker was told: the last one is remembered by each thread, for its own use."""
+    if getattr(_memory, "packed", None) != packed:
+        _memory.work = pickle.loads(packed)  # noqa: S301 - by the process that we work for
+        _memory.packed = packed
+    work: Work = _memory.work
+    return work

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, one_line, shown
+from p3dof._base.checks import FloatArray, Readable, meant, one_line, shown
 from p3dof._base.errors import InputError, SweepError
 
 Columns: TypeAlias = Mapping[str, NDArray[Any]]
@@ -21,14 +20,11 @@ Columns: TypeAlias = Mapping[str, NDArray[Any]]
 NAME = re.compile(r"[A-Za-z_][\w.]{0,79}", re.ASCII)
 """What a column may be called: it stands in file names of archives."""
 
-UNIT = re.compile(r"[^\[\]\x00-\x1f\x7f]{1,20}")
-"""What a unit looks like."""
+UNIT = re.compile(r"[^\[\]\x00-\x1f\x7f]{1,20}")  # what a unit looks like
 
-MOST_ITEMS = 10**13
-"""Most items of a sweep."""
+MOST_ITEMS = 10**13  # most items of a sweep
 
-LARGEST_BLOCK = 10**7
-"""Most items of a block."""
+LARGEST_BLOCK = 10**7  # most items of a block
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,7 @@ class Sampling(Protocol):
 
 
 @dataclass(frozen=True)
-class FunctionProblem:
+class FunctionProblem(Readable):
     """A problem made of a sampling and a function of columns.
 
     Parameters
@@ -156,37 +152,13 @@ class FunctionProblem:
 
 
 def not_among(name: str, columns: Sequence[str]) -> str:
-    """Return what an error says of a column that is not there.
-
-    Parameters
-    ----------
-    name : str
-        What the user asked for.
-    columns : sequence of str
-        What there is.
-
-    Returns
-    -------
-    str
-        With the names that come close, or all.
-    """
-    near = difflib.get_close_matches(str(name), columns, 3, 0.6)
-    told = f"did you mean {' or '.join(near)}? " if near else ""
-    return f"unknown column {shown(name)}; {told}expected one of the columns {', '.join(columns)}"
+    """Return what an error says of a column that is not there; with the names that come close, or all."""
+    near = meant(name, columns) or ";"
+    return f"unknown column {shown(name)}{near} expected one of the columns {', '.join(columns)}"
 
 
 def digest(*arrays: Any) -> str:
-    """Return the SHA-256 of arrays of numbers, their shapes included, for the settings of a problem.
-
-    Parameters
-    ----------
-    *arrays : array-like
-        Numbers.
-
-    Returns
-    -------
-    str
-    """
+    """Return the SHA-256 of arrays of numbers, their shapes included, for the settings of a problem."""
     found = hashlib.sha256()
     for array in arrays:
         numbers = np.ascontiguousarray(array, dtype="<f8")
@@ -196,25 +168,7 @@ def digest(*arrays: Any) -> str:
 
 
 def computed(problem: Problem, block: Block) -> dict[str, NDArray[Any]]:
-    """Return the columns of a block, checked, in their order.
-
-    Parameters
-    ----------
-    problem : Problem
-        What to compute.
-    block : Block
-        Which items.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        float64 or int64.
-
-    Raises
-    ------
-    SweepError
-        If they are not what the problem says they are.
-    """
+    """Return the columns of a block, checked, in their order; dict of str to ndarray, shape (n,)."""
     found = problem.compute(block)
     if not isinstance(found, Mapping) or set(found) != set(problem.columns):
         got = ", ".join(map(str, found)) if isinstance(found, Mapping) else shown(found)
@@ -234,18 +188,7 @@ def computed(problem: Problem, block: Block) -> dict[str, NDArray[Any]]:
 
 
 def check_problem(problem: Any) -> None:
-    """Raise unless something is a problem, with a count and names that can be used.
-
-    Parameters
-    ----------
-    problem : object
-        What the user gave.
-
-    Raises
-    ------
-    InputError
-        Saying what is missing or wrong.
-    """
+    """Raise unless something is a problem, with a count and names that can be used."""
     if not isinstance(problem, Problem):
         doors = [name for name in _DOORS if not hasattr(problem, name)]
         raise InputError(f"problem: expected an object with {', '.join(doors)}, got {shown(problem)}")
@@ -262,26 +205,7 @@ _DOORS = ("count", "columns", "block_size", "settings", "compute")
 
 
 def whole(name: str, value: Any, least: int, most: int) -> int:
-    """Return a whole number within bounds.
-
-    Parameters
-    ----------
-    name : str
-        What to call it in an error.
-    value : int
-        What the user gave.
-    least, most : int
-        The bounds.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
+    """Return a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise InputError(f"{name}: expected a whole number from {least} to {most}, got {shown(value)}")
     return int(value)

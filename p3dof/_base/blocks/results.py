@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.blocks import storage
-from p3dof._base.blocks.folder import TOTALS, numbers_there, path_of
-from p3dof._base.blocks.manifest import Manifest, parse_manifest, read_manifest
 from p3dof._base.blocks.problem import Block
-from p3dof._base.blocks.reduction import State
-from p3dof._base.blocks.totals import Totals
+from p3dof._base.blocks.reduction import ColumnMoments, Counts, Rows, State
+from p3dof._base.blocks.storage import (
+    TOTALS,
+    Manifest,
+    Totals,
+    numbers_there,
+    parse_manifest,
+    path_of,
+    read_manifest,
+)
 from p3dof._base.errors import FileError, InputError
 from p3dof._base.files import called
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
 
-LARGEST = 2_000_000_000
-"""Largest size of columns that are read at a time without another limit [bytes]."""
+LARGEST = 2_000_000_000  # largest size of columns that are read at a time without another limit [bytes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +57,7 @@ class Sweep(ShownInNotebook):
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str], notes: tuple[str, ...] = (), computed: int = 0) -> Sweep:
-        """Read a sweep, whether it is complete or not.
+        """Read a sweep, whether it is complete or not; columns when they are asked for.
 
         Parameters
         ----------
@@ -62,11 +67,6 @@ class Sweep(ShownInNotebook):
             What to tell of it.
         computed : int
             Likewise: how many of its blocks are new.
-
-        Returns
-        -------
-        Sweep
-            Columns are read when they are asked for.
 
         Raises
         ------
@@ -110,14 +110,14 @@ class Sweep(ShownInNotebook):
             If a block cannot be read.
         """
         wanted = self._kept(names)
-        for number in self.numbers:
-            block = self.manifest.block(number)
-            yield block, storage.read_block(self.manifest, block, self._path(number), wanted).columns
+        for block_number in self.numbers:
+            block = self.manifest.block(block_number)
+            yield block, storage.read_block(self.manifest, block, self._path(block_number), wanted).columns
 
     def columns(
         self, names: Sequence[str] | None = None, max_bytes: int = LARGEST
     ) -> dict[str, NDArray[Any]]:
-        """Read columns of all items that are there.
+        """Read columns (N,) of all items that are there, and ``index``, which items they are.
 
         Parameters
         ----------
@@ -125,11 +125,6 @@ class Sweep(ShownInNotebook):
             Columns to read; all that are kept by default.
         max_bytes : int
             Largest size to read [bytes].
-
-        Returns
-        -------
-        dict of str to ndarray, shape (N,)
-            And ``index``, which items they are.
 
         Raises
         ------
@@ -171,9 +166,9 @@ class Sweep(ShownInNotebook):
             except FileError:  # damaged: the blocks say it too
                 pass
         totals = Totals(self.manifest)
-        for number in self.numbers:
-            block = self.manifest.block(number)
-            totals.add(storage.read_block(self.manifest, block, self._path(number), ()).states)
+        for block_number in self.numbers:
+            block = self.manifest.block(block_number)
+            totals.add(storage.read_block(self.manifest, block, self._path(block_number), ()).states)
         return totals.states()
 
     def _path(self, number: int) -> Path:
@@ -186,3 +181,69 @@ class Sweep(ShownInNotebook):
                 there = ", ".join(self.manifest.keep) or "none"
                 raise InputError(f"columns: expected some of those that are kept ({there}), got {name!r}")
         return wanted
+
+
+SHOWN = 20  # rows that a table shows of many
+
+WIDE = 5  # columns likewise
+
+
+def sweep_tables(sweep: Sweep) -> tuple[Table, ...]:
+    """Return one table for each reduction of a sweep."""
+    named = sweep.manifest.with_unit
+    return tuple(_table(name, found, named) for name, found in sweep.reductions.items())
+
+
+def sweep_facts(sweep: Sweep) -> str:
+    """Return how far a sweep is, in one line."""
+    manifest = sweep.manifest
+    return (
+        f"{len(sweep)} of {manifest.count} items in {len(sweep.numbers)} of {manifest.blocks} blocks, "
+        f"seed {manifest.seed}, {len(manifest.keep)} of {len(manifest.columns)} columns kept"
+    )
+
+
+@html_of.register(Sweep)
+def sweep_html(sweep: Sweep) -> str:
+    """Return how a notebook shows a sweep, as HTML."""
+    return notebook_html("Sweep", sweep_facts(sweep), sweep_tables(sweep), sweep.notes)
+
+
+def _table(name: str, found: Any, named: Callable[[str], str]) -> Table:
+    title = name[:1].upper() + name[1:]
+    if isinstance(found, Rows):
+        return _of_rows(title, found, named)
+    if isinstance(found, Counts):
+        return _of_counts(title, found, named)
+    if isinstance(found, Mapping) and all(isinstance(item, ColumnMoments) for item in found.values()):
+        header = ("column", "mean", "standard deviation", "smallest", "largest", "items", "without a number")
+        rows = {
+            named(column): (*map(number, (m.mean, m.deviation, m.low, m.high)), str(m.count), str(m.invalid))
+            for column, m in found.items()
+        }
+        return table_of(title, header, rows)
+    return Table(title, ("result",), ((str(found),),), layout="words")
+
+
+def _of_rows(title: str, found: Rows, named: Callable[[str], str]) -> Table:
+    columns = dict(list(found.columns.items())[:WIDE])
+    rows = {
+        str(item): tuple(number(float(array[i])) for array in columns.values())
+        for i, item in enumerate(found.index[:SHOWN].tolist())
+    }
+    note = f"The first {SHOWN} of {len(found)}." if len(found) > SHOWN else ""
+    if len(columns) < len(found.columns):
+        note += f" {len(columns)} of {len(found.columns)} columns."
+    return table_of(title, ("item", *map(named, columns)), rows, note.strip())
+
+
+def _of_counts(title: str, found: Counts, named: Callable[[str], str]) -> Table:
+    step = -(-len(found.counts) // SHOWN)
+    starts = np.arange(0, len(found.counts), step)
+    stops = np.minimum(starts + step, len(found.counts))
+    rows = {
+        f"{number(found.edges[start])} to {number(found.edges[stop])}": (str(found.counts[start:stop].sum()),)
+        for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
+    }
+    note = f"Below: {found.below}, above: {found.above}, without a number: {found.invalid}."
+    return table_of(title, (named(found.column), "items"), rows, note)

@@ -11,38 +11,37 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from p3dof._base.blocks import storage
-from p3dof._base.blocks.crew import Crew, crew_of, died, dropped
-from p3dof._base.blocks.folder import TOTALS, locked, numbers_there, path_of
-from p3dof._base.blocks.manifest import (
-    NAME_OF_FILE,
-    Format,
-    Manifest,
-    manifest_of,
-    read_manifest,
-    require_same,
-)
+from p3dof._base.blocks.crew import Crew, Work, crew_of, died, dropped, run_blocks
 from p3dof._base.blocks.problem import Problem, whole
 from p3dof._base.blocks.reduction import Reduction, State
 from p3dof._base.blocks.results import Sweep
-from p3dof._base.blocks.totals import Totals
-from p3dof._base.blocks.work import Work, run_blocks
+from p3dof._base.blocks.storage import (
+    NAME_OF_FILE,
+    TOTALS,
+    Format,
+    Manifest,
+    Totals,
+    locked,
+    manifest_of,
+    numbers_there,
+    path_of,
+    read_manifest,
+    require_same,
+)
 from p3dof._base.checks import Progress
 from p3dof._base.errors import FileError, SweepError
 from p3dof._base.files import called, check_writable, write_atomic
 
-MOST_BLOCKS = 10**8
-"""Most blocks of a sweep: each is a file."""
+MOST_BLOCKS = 10**8  # most blocks of a sweep: each is a file
 
-RETRIES = 3
-"""How many deaths of workers a block may see."""
+RETRIES = 3  # how many deaths of workers a block may see
 
 
 class SweepInterrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep; the message says how to go on."""
 
 
-_Numbers: TypeAlias = tuple[int, ...]
-"""Of the blocks of a call, one after the other."""
+_Numbers: TypeAlias = tuple[int, ...]  # of the blocks of a call, one after the other
 
 _MOST_TOGETHER, _LARGEST_TOGETHER = 16, 4_000_000
 """Most blocks of a call, and about how much their reductions may bring back [bytes]."""
@@ -73,7 +72,7 @@ def sweep(
     Parameters
     ----------
     problem : Problem
-        What to compute, such as `p3dof.design.sweeps.DesignForces`.
+        What to compute, such as `p3dof.design.sweeps.DesignSweep`.
     folder : path-like
         Where the results go: the manifest ``sweep.json``, and ``blocks/``.
     client : distributed.Client or concurrent.futures.Executor, optional
@@ -153,7 +152,7 @@ def _begin(manifest: Manifest, folder: Path, resume: bool) -> bool:
     if not resume:
         there = len(numbers_there(folder, manifest))
         raise SweepError(
-            f"{folder}: holds {there} of {manifest.blocks} blocks of this sweep; to go on: resume=True"
+            f"{folder}: holds {there} of {manifest.blocks} blocks of this sweep; to resume it: resume=True"
         )
     return True
 
@@ -278,4 +277,4 @@ class _Run:
         """Return how far it is, and how to resume."""
         done = int(self._there.sum())
         told = f"{done} of {self._manifest.blocks} blocks are in {self._folder}"
-        return f"{told}; to go on: resume=True"
+        return f"{told}; to resume it: resume=True"

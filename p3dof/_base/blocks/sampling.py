@@ -4,16 +4,115 @@ from __future__ import annotations
 
 import math
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from p3dof._base.blocks.distributions import Distribution
 from p3dof._base.blocks.problem import MOST_ITEMS, NAME, Block, whole
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown
 from p3dof._base.errors import InputError
+
+
+class Distribution(ABC):
+    """A distribution: a frozen dataclass of numbers."""
+
+    @abstractmethod
+    def at(self, share: FloatArray) -> FloatArray:
+        """Return the numbers below which the given shares of all are; shape (n,)."""
+
+    def settings(self) -> dict[str, Any]:
+        """Return what it is, as plain data."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
+        return {"kind": type(self).__name__, **values}
+
+
+@dataclass(frozen=True)
+class Uniform(Distribution):
+    """Numbers evenly spread over a range.
+
+    Parameters
+    ----------
+    low, high : float
+        The range.
+
+    Raises
+    ------
+    InputError
+        Unless low < high.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _range(self)
+
+    def at(self, share: FloatArray) -> FloatArray:
+        """Return the numbers below which the given shares of all are."""
+        return np.clip(self.low + (self.high - self.low) * share, self.low, self.high)
+
+
+@dataclass(frozen=True)
+class LogUniform(Distribution):
+    """Positive numbers whose logarithms are evenly spread over a range."""
+
+    low: float  # the range
+    high: float
+
+    def __post_init__(self) -> None:
+        _range(self)
+        positive("low", self.low, InputError)
+
+    def at(self, share: FloatArray) -> FloatArray:
+        """Return the numbers below which the given shares of all are."""
+        return np.clip(self.low * np.exp(math.log(self.high / self.low) * share), self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Normal(Distribution):
+    """Numbers spread about a mean as errors are.
+
+    Parameters
+    ----------
+    mean : float
+        The mean.
+    deviation : float
+        The standard deviation.
+
+    Raises
+    ------
+    InputError
+        If the mean is not finite, or the deviation not positive.
+    """
+
+    mean: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", float(frozen_array("mean", self.mean, ())))
+        object.__setattr__(self, "deviation", positive("deviation", self.deviation, InputError))
+
+    def at(self, share: FloatArray) -> FloatArray:
+        """Return the numbers below which the given shares of all are."""
+        from scipy.special import ndtri
+
+        inside = np.clip(share, 2.0**-54, 1 - 2.0**-53)  # both ends are infinitely far away
+        found: FloatArray = self.mean + self.deviation * ndtri(inside)
+        return found
+
+
+def _range(distribution: Any) -> None:
+    for name in ("low", "high"):
+        value = float(frozen_array(name, getattr(distribution, name), ()))
+        object.__setattr__(distribution, name, value)
+    if not distribution.low < distribution.high:
+        raise InputError(
+            f"low, high: expected low < high, got {distribution.low:g} and {distribution.high:g}"
+        )
+
 
 Method: TypeAlias = Literal["random", "latin-hypercube", "sobol"]
 
@@ -25,7 +124,7 @@ SOBOL_BITS = 32
 
 
 @dataclass(frozen=True)
-class Samples:
+class Samples(Readable):
     """Points that fill the ranges of some columns.
 
     Parameters
@@ -76,21 +175,10 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Grid:
-    """All combinations of some values of each column; the last column changes fastest.
+class Grid(Readable):
+    """All combinations of some values of each column; the last column changes fastest."""
 
-    Parameters
-    ----------
-    values : mapping of str to sequence of float
-        The values of each column.
-
-    Raises
-    ------
-    InputError
-        If they are no finite numbers, or too many.
-    """
-
-    values: Mapping[str, Sequence[float]]
+    values: Mapping[str, Sequence[float]]  # the values of each column
 
     def __post_init__(self) -> None:
         axes = {name: frozen_array(name, value, ("N",)) for name, value in dict(self.values).items()}

@@ -1,9 +1,4 @@
-"""NumPy archives (.npz) of plain arrays, read with no trust in whoever wrote them.
-
-The directory of an archive is bounded before it is taken in, every member's size is known from its header
-before its content is, no more than the declared size is ever decompressed, and nothing is ever unpickled. The
-checksum that an archive has of each array (CRC-32) is held against what was read.
-"""
+"""Archives of arrays: NumPy's .npz of plain arrays, read with no trust in who wrote it, and Parquet."""
 
 from __future__ import annotations
 
@@ -15,14 +10,15 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, TypeAlias
 
 import numpy as np
 
 from p3dof._base.checks import one_line
-from p3dof._base.errors import FileError
+from p3dof._base.errors import FileError, MissingExtraError
 from p3dof._base.files.reading import called
 
 MAX_TEXT = 10_000
@@ -57,19 +53,7 @@ _ERRORS = (
 
 
 def pack_arrays(arrays: Mapping[str, Any], compressed: bool = True) -> bytes:
-    """Return an archive of arrays.
-
-    Parameters
-    ----------
-    arrays : mapping of str to array-like
-        Numbers and texts by name.
-    compressed : bool
-        Whether to make it small; else it is quick.
-
-    Returns
-    -------
-    bytes
-    """
+    """Return an archive of arrays."""
     stream = io.BytesIO()
     (np.savez_compressed if compressed else np.savez)(stream, **arrays)
     return stream.getvalue()
@@ -84,33 +68,14 @@ def unpack_arrays(
     what: str = "arrays saved as .npz",
     max_directory: int = 64_000,
 ) -> dict[str, Any]:
-    """Read the arrays of an archive.
+    """Read the arrays of an archive; numbers of 8 bytes (float64, int64) or text.
 
-    Parameters
-    ----------
-    path : path-like or stream
-        The archive; a regular file, or a stream that can seek.
-    names : callable
-        Is given the names that are there, and returns those to read, in this order; raises `UnfitError` if
-        there are wrong ones.
-    accept : callable
-        Is given name, type and shape of each array before its content is read.
-    found : callable
-        Is given what has been read after every array; what it raises ends the reading before more is.
-    what : str
-        What the file should be, for the error.
-    max_directory : int
-        Largest directory of the archive [bytes].
+    `names`: is given the names that are there, and returns those to read, in this order; raises `UnfitError`
+    if there are wrong ones.
 
-    Returns
-    -------
-    dict of str to ndarray
-        Numbers of 8 bytes (float64, int64) or text.
+    `accept`: is given name, type and shape of each array before its content is read.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read, is damaged, or is not what it should be.
+    `found`: is given what has been read after every array; what it raises ends the reading before more is.
     """
     name = called(path)
     try:
@@ -192,3 +157,28 @@ def _header(member: IO[bytes], name: str) -> tuple[np.dtype[Any], bool, tuple[in
         raise UnfitError(f"{name}: expected numbers of 8 bytes, got {described!r}")
     shape = tuple(int(part) for part in lengths.split(",") if part.strip())
     return np.dtype(described), order == "True", shape, len(begin) + length
+
+
+WRITE = {"write_page_checksum": True}  # how pyarrow is to write
+READ = {"page_checksum_verification": True}
+"""How it is to read; pages of other programs without a checksum are taken as they are."""
+
+
+def pyarrow() -> Any:
+    """Return pyarrow, with its Parquet."""
+    try:
+        import pyarrow as found
+        import pyarrow.parquet
+    except ImportError as error:
+        raise MissingExtraError("Parquet files need pyarrow: pip install 'p3dof[tables]'") from error
+    return found
+
+
+@contextmanager
+def damage_told(expected: str) -> Iterator[None]:
+    """Turn what is said of a damaged file, by pyarrow or in this block, into a `FileError` of one line."""
+    errors = (pyarrow().ArrowException, OSError, ValueError, LookupError, OverflowError, MemoryError)
+    try:
+        yield
+    except errors as error:
+        raise FileError(f"{expected} ({one_line(str(error), 200)})") from error

@@ -1,20 +1,143 @@
-"""Writing files whole or not at all, one by one or several together."""
+"""Writing files whole or not at all, one by one or together; their kinds, and what is generated.
+
+Temporary files and folders that whoever comes later can tell from those in use, and remove.
+
+Each is locked as long as the process that made it holds it open. The system drops the lock when that process
+ends, however it ends: what bears our name and is not locked belongs to nobody any more.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import errno
+import io
+import math
 import os
+import re
+import secrets
+import shutil
 import stat
-from collections.abc import Iterator
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cache
+from itertools import zip_longest
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from p3dof._base.errors import FileError, P3dofError
-from p3dof._base.files import temporary
-from p3dof._base.files.reading import called, reason
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.errors import FileError, InputError, P3dofError
+from p3dof._base.files.numbers import table_lines
+from p3dof._base.files.reading import called, read_text, reason
+
+if sys.platform != "win32":
+    import fcntl
+
+_NAME = re.compile(r"\.p3dof-[0-9a-f]{16}\.tmp")
+
+
+def new_name(folder: Path) -> Path:
+    """Return a name in a folder that nothing bears, for something temporary."""
+    return folder / f".p3dof-{secrets.token_hex(8)}.tmp"
+
+
+def new_file(folder: Path) -> tuple[Path, int]:
+    """Make an empty temporary file with the permissions that any new file gets."""
+    sweep_once(folder)
+    while True:
+        path = new_name(folder)
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        descriptor = os.open(path, flags, 0o666)  # the kernel takes the umask off
+        if _held(descriptor):
+            return path, descriptor
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """Make a folder for intermediate files in the system's place for such, and remove it in the end."""
+    try:
+        parent = Path(tempfile.gettempdir())
+        sweep_once(parent)
+        path, descriptor = _new_folder(parent)
+    except OSError as error:
+        raise FileError(f"no folder for temporary files ({error.strerror or error})") from error
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path, ignore_errors=True)
+        if descriptor is not None:
+            os.close(descriptor)
+
+
+def _new_folder(parent: Path) -> tuple[Path, int | None]:
+    while True:
+        path = new_name(parent)
+        path.mkdir(0o700)
+        if sys.platform == "win32":
+            return path, None
+        descriptor = os.open(path, os.O_RDONLY)
+        if _held(descriptor):
+            return path, descriptor
+        os.close(descriptor)
+
+
+def hold(path: Path) -> int | None:
+    """Open an existing file so that it counts as in use under a temporary name; None if that cannot be."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    except OSError:
+        return None
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):  # somebody else's lock does as well
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return descriptor
+
+
+@cache
+def sweep_once(folder: Path) -> None:
+    """Sweep a folder the first time that this process writes there."""
+    sweep(folder)
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes that ended without cleaning up left in a folder: ours by name, owner and lock."""
+    with contextlib.suppress(OSError):
+        for name in filter(_NAME.fullmatch, os.listdir(folder)):  # noqa: PTH208 - many names, no objects
+            with contextlib.suppress(OSError):
+                _remove_if_left(folder / name)
+
+
+def _remove_if_left(path: Path) -> None:
+    if sys.platform == "win32":
+        path.unlink()  # refused while it is open
+        return
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        status = os.fstat(descriptor)
+        if status.st_uid != os.geteuid():
+            return
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # an error: somebody works on it
+        if stat.S_ISDIR(status.st_mode):
+            shutil.rmtree(path)
+        elif stat.S_ISREG(status.st_mode):
+            path.unlink()
+    finally:
+        os.close(descriptor)
+
+
+def _held(descriptor: int) -> bool:
+    """Lock what was just made; return whether it is still there (a sweep may have come between)."""
+    if sys.platform == "win32":
+        return True
+    with contextlib.suppress(OSError):  # a file system without locks: nobody can take it for left
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    return os.fstat(descriptor).st_nlink > 0
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
@@ -22,24 +145,7 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
     Within `together` it is replaced at the end of that block.
 
-    Parameters
-    ----------
-    path : path-like
-        The file; missing folders above it are made, as `make_folders` does. An existing file keeps its
-        permissions; of a symbolic link the file that it points to is replaced.
-    content : str or bytes
-        Text is encoded as UTF-8 with Unix line ends.
-
-    Returns
-    -------
-    Path
-        The path written, as it was given.
-
-    Raises
-    ------
-    FileError
-        If `path` is no path, or the folder or the file cannot be written; what was there before is left as it
-        was.
+    The path written, as it was given.
     """
     with _named(path), together():
         data = content.encode("utf-8") if isinstance(content, str) else content
@@ -54,11 +160,6 @@ def together() -> Iterator[None]:
     Each file is complete on the disk before the first one is replaced. When one cannot be replaced, those
     before it are put back. An exception that leaves the block leaves everything as it was. A block within
     another is part of it.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be replaced.
     """
     if _open_set.get() is not None:
         yield
@@ -77,20 +178,7 @@ def together() -> Iterator[None]:
 def write_streamed(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """Write a file piece by piece: it takes its place at the end of this block, whole, or not at all.
 
-    Parameters
-    ----------
-    path : path-like
-        As of `write_atomic`.
-
-    Yields
-    ------
-    binary stream
-        Where to write.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written; what was there before is left as it was.
+    Where to write.
     """
     with _named(path):
         files = _FileSet()
@@ -103,18 +191,7 @@ def write_streamed(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Find out whether a file can be written, before the work for it begins; nothing is left behind.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; its folders need not be there, but for one at the root of the file system.
-
-    Raises
-    ------
-    FileError
-        If it is no regular file, or its folder cannot be made or written in.
-    """
+    """Find out whether a file can be written, before the work for it begins; nothing is left behind."""
     with _named(path):
         target = _target(path)
         _require_place(target.parent)
@@ -122,7 +199,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         for part in target.relative_to(folder).parts:
             with contextlib.suppress(FileNotFoundError):
                 (folder / part).stat()  # an error: longer than names may be here
-        trial, descriptor = temporary.new_file(folder)
+        trial, descriptor = new_file(folder)
         os.close(descriptor)
         trial.unlink()
 
@@ -160,7 +237,7 @@ class _FileSet:
         earlier = self._staged.pop(target, None)
         if earlier is not None:
             _discard(earlier)
-        found, descriptor = temporary.new_file(target.parent)
+        found, descriptor = new_file(target.parent)
         self._staged[target] = _Staged(called(path), target, found, descriptor)
         if target.exists():
             found.chmod(target.stat().st_mode & 0o777)
@@ -199,8 +276,8 @@ _open_set: ContextVar[_FileSet | None] = ContextVar("_open_set", default=None)
 def _put(staged: _Staged, keep: bool) -> None:
     """Replace one file; keep what was there until all are replaced."""
     if keep and staged.target.exists():
-        backup = staged.backup = temporary.new_name(staged.target.parent)
-        staged.backup_descriptor = temporary.hold(staged.target)
+        backup = staged.backup = new_name(staged.target.parent)
+        staged.backup_descriptor = hold(staged.target)
         try:
             os.link(staged.target, backup)
         except OSError:  # a file system without links, or somebody else's file
@@ -222,10 +299,7 @@ def _put_back(staged: _Staged) -> None:
 
 
 def _discard(staged: _Staged) -> None:
-    for path, descriptor in (
-        (staged.path, staged.descriptor),
-        (staged.backup, staged.backup_descriptor),
-    ):
+    for path, descriptor in ((staged.path, staged.descriptor), (staged.backup, staged.backup_descriptor)):
         if path is not None:
             path.unlink(missing_ok=True)
         if descriptor is not None:
@@ -248,20 +322,7 @@ def _target(path: str | os.PathLike[str]) -> Path:
 def make_folders(folder: Path) -> list[Path]:
     """Make a folder and those above it, but none at the root of the file system.
 
-    Parameters
-    ----------
-    folder : Path
-        An absolute path.
-
-    Returns
-    -------
-    list of Path
-        The new ones, the highest first.
-
-    Raises
-    ------
-    OSError
-        If one cannot be made.
+    The new ones, the highest first.
     """
     missing = [above for above in (folder, *folder.parents) if not above.exists()]
     _require_place(folder)
@@ -290,3 +351,140 @@ def _named(path: str | os.PathLike[str]) -> Iterator[None]:
         raise
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{name}: cannot be written ({reason(error)})") from error
+
+
+_BEGINNING = 300
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+
+
+def write_generated(
+    texts: Mapping[str, str],
+    folder: str | os.PathLike[str],
+    mark: str,
+    force: bool = False,
+    foreign: Callable[[str, str], str | None] = lambda _name, _text: None,
+) -> list[Path]:
+    """Write generated files, all or none; none if one would take the place of a file that is not such.
+
+    The files written.
+
+    `foreign`: is given the name and the text of a marked file that is there; returns why it may not be
+    written over all the same, or None.
+    """
+    paths = {name: Path(folder) / name for name in texts}
+    for name, path in paths.items():
+        reason = None if force or not path.is_file() else _reason(path, name, mark, foreign)
+        if reason:
+            advice = "use another folder, or force it (--force)"
+            raise FileError(f"{path}: would be overwritten, but {reason}; {advice}")
+    with together():
+        return [write_atomic(path, texts[name]) for name, path in paths.items()]
+
+
+def _reason(path: Path, name: str, mark: str, foreign: Callable[[str, str], str | None]) -> str | None:
+    """Return why a file that is there may not be written over."""
+    try:
+        there = read_text(path)
+    except FileError:
+        there = ""  # what cannot be read as text is none of ours
+    return foreign(name, there) if mark in there[:_BEGINNING] else "was not generated by p3dof"
+
+
+def check_generated(
+    texts: Mapping[str, str], folder: str | os.PathLike[str], relative: float = 0.0, absolute: float = 0.0
+) -> list[str]:
+    """Compare the files in a folder with what would be written there.
+
+    One line for each difference, naming file and line; empty if all is up to date.
+    """
+    found: list[str] = []
+    for name, expected in texts.items():
+        path = Path(folder) / name
+        if path.exists():
+            lines = differences(expected, read_text(path), relative, absolute)
+            found += (f"{path}, {what}" for what in lines)
+        else:
+            found.append(f"{path}: missing")
+    return found
+
+
+def differences(expected: str, got: str, relative: float = 0.0, absolute: float = 0.0) -> Iterator[str]:
+    """Yield the lines in which a text is not what is expected; numbers may differ within tolerances."""
+    lines = zip_longest(expected.splitlines(), got.splitlines())
+    for number, (ours, theirs) in enumerate(lines, start=1):
+        if ours is None or theirs is None or not _same(ours, theirs, relative, absolute):
+            texts = ("the end of the file" if line is None else repr(line.strip()) for line in (ours, theirs))
+            yield "line {}: expected {}, got {}".format(number, *texts)
+            if ours is None or theirs is None:
+                return
+
+
+def _same(ours: str, theirs: str, relative: float, absolute: float) -> bool:
+    if ours == theirs:
+        return True
+    if _NUMBER.sub("#", ours) != _NUMBER.sub("#", theirs):
+        return False
+    pairs = zip(_NUMBER.findall(ours), _NUMBER.findall(theirs), strict=True)
+    return all(math.isclose(float(a), float(b), rel_tol=relative, abs_tol=absolute) for a, b in pairs)
+
+
+SUFFIXES: dict[str, tuple[str, ...]] = {
+    "table": (".csv",),
+    "run": (".csv", ".npz"),
+    "designs": (".csv", ".parquet"),
+    "parameters": (".yaml", ".yml"),
+    "figure": (".png", ".svg", ".pdf"),
+    "report": (".html", ".pdf"),
+    "animation": (".html",),
+    "scene": (".glb",),
+    "joints": (".csv", ".yaml", ".yml"),
+    "robot": (".urdf", ".xml", ".sdf"),
+    "exported robot": (".urdf", ".xml", ".sdf", ".glb"),
+    "map": (".nc",),
+    "film": (".mp4", ".gif"),
+    "picture": (".png",),
+    "show": (".html", ".mp4", ".gif", ".png"),
+}
+"""The endings by kind. A new format is one more ending here, and a case where the file is written."""
+
+
+def suffix_of(path: str | os.PathLike[str], kind: str) -> str:
+    """Return the ending of the name of a file to write, in lower case."""
+    name, possible = called(path), SUFFIXES[kind]
+    suffix = Path(path).suffix.lower()
+    if suffix not in possible:
+        *first, last = possible
+        words = f"{', '.join(first)} or {last}" if first else last
+        raise InputError(f"{name}: expected a file name that ends in {words}")
+    return suffix
+
+
+_ROWS = 16_384  # rows of a table that are written at a time
+
+
+def write_table(path: str | os.PathLike[str], header: list[str], columns: tuple[NDArray[Any], ...]) -> Path:
+    """Write columns of numbers, or of text, to a CSV file that reads back to the same bits.
+
+    The path written.
+    """
+    suffix_of(path, "table")
+    given = [np.asarray(column, None if column.dtype.kind == "U" else float) for column in columns]
+    if len({len(column) for column in given}) > 1:
+        raise ValueError("expected columns of one length")
+    with _named(path), together(), _open_set.get().stream(path) as stream:  # type: ignore[union-attr]
+        stream.write(csv_line(header))
+        for start in range(0, len(given[0]) if given else 0, _ROWS):
+            block = (column[start : start + _ROWS] for column in given)
+            stream.write(table_lines([_quoted(x) if x.dtype.kind == "U" else x for x in block], False))
+    return Path(path)
+
+
+def csv_line(fields: Iterable[str]) -> bytes:
+    """Return a line of texts, in quotes where they need them."""
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerow(fields)
+    return text.getvalue().encode()
+
+
+def _quoted(texts: NDArray[Any]) -> list[str]:
+    return [csv_line([text, ""])[:-2].decode() for text in texts.tolist()]

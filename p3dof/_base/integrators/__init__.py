@@ -7,22 +7,13 @@ from pathlib import Path
 
 __all__ = ["FOLDER", "text"]
 
-FOLDER = Path(__file__).parent
-"""Where the headers are."""
+FOLDER = Path(__file__).parent  # where the headers are
 
 
 @cache
 def text(name: str) -> str:
     """Return a header as text, to be pasted into C that is printed.
 
-    Parameters
-    ----------
-    name : str
-        ``"dop853"``, ``"rk4"`` or ``"crossings"``.
-
-    Returns
-    -------
-    str
-        What it needs defined before stands at its beginning.
+    What it needs defined before stands at its beginning.
     """
     return (FOLDER / f"{name}.h").read_text(encoding="utf-8")

@@ -4,6 +4,10 @@
  * Springer 1993, II.4-6. First step, norm of the error and control of the step are those of scipy.integrate.DOP853,
  * so that both take the same steps but for rounding.
  *
+ * Where steps end soon because something changes there, such as forces, their error is far below what is allowed, and
+ * order 8 is wasted: `at_once` tries to get there by six evaluations in all, instead of thirteen. Where that is not good
+ * enough, and within such a step, all is DOP853's.
+ *
  * Included, or pasted, once for each system of equations, with these defined before:
  *
  *   DOP853_NAME(f)                      a name of its own for f;
@@ -28,6 +32,8 @@ enum {
     DOP853_FINISHED, /* a step was taken, the last */
     DOP853_FAILED,   /* no step is small enough; t and y are as before */
 };
+#define DOP853_SHARE 0.015 /* of the error that is allowed: what that of `at_once` may be */
+#define DOP853_PATIENCE 63 /* how many intervals it waits at most, where it was of no use */
 #endif
 
 typedef struct {
@@ -37,6 +43,7 @@ typedef struct {
     double bound, longest, rtol, atol;
     double k[16][DOP853_SIZE];          /* rates of the last step; k[12] is that at its end */
     double curve[7][DOP853_SIZE];       /* its dense output */
+    int once;                           /* whether it was made by `at_once` */
     long evaluations;
 } DOP853_NAME(solver);
 
@@ -95,6 +102,7 @@ static DOP853_TARGET int DOP853_NAME(start)(DOP853_NAME(solver) * s, DOP853_CONT
     s->rtol = rtol;
     s->atol = atol;
     s->longest = longest;
+    s->once = 0;
     s->evaluations = 0;
     for (int i = 0; i < DOP853_SIZE; ++i)
         s->y[i] = s->y_old[i] = y[i];
@@ -105,9 +113,12 @@ static DOP853_TARGET int DOP853_NAME(start)(DOP853_NAME(solver) * s, DOP853_CONT
     return finite && fabs(s->next) <= DBL_MAX;
 }
 
+/* Positions apart from velocities: they need not wait for the last accelerations. */
 #define K(j) s->k[j][i]
 #define DOP853_STAGE(stage, c, sum)                                         \
-    for (int i = 0; i < DOP853_SIZE; ++i)                                   \
+    for (int i = 0; i < DOP853_SIZE / 2; ++i)                               \
+        trial[i] = s->y_old[i] + h * (sum);                                 \
+    for (int i = DOP853_SIZE / 2; i < DOP853_SIZE; ++i)                     \
         trial[i] = s->y_old[i] + h * (sum);                                 \
     DOP853_NAME(evaluate)(s, context, s->t_old + (c) * h, trial, s->k[stage])
 
@@ -172,6 +183,51 @@ static DOP853_TARGET double DOP853_NAME(try_step)(DOP853_NAME(solver) * s, DOP85
     return h * norm5 / sqrt((norm5 + 0.01 * norm3) * DOP853_SIZE);
 }
 
+/* Right after `start`, go to the bound in one step of order 5, where the next step would go there too and the error is small:
+ * J. R. Cash, A. H. Karp, ACM Transactions on Mathematical Software 16 (1990), 201-222. Return whether it was taken; if
+ * not, nothing has changed, and `step` goes on. The rate at its end is left out: another interval begins there.
+ * `trials`: how many intervals to wait, now and after the last trial; they begin with zero. */
+static inline DOP853_TARGET int DOP853_NAME(at_once)(DOP853_NAME(solver) * s, DOP853_CONTEXT context, int trials[2])
+{
+    const double h = s->bound - s->t;
+    double trial[DOP853_SIZE], square = 0.0;
+
+    if (trials[0] > 0) {
+        --trials[0];
+        return 0;
+    }
+    if (!(s->next >= h && s->longest >= h))
+        return 0;
+    DOP853_STAGE(1, 0.2, 0.2 * K(12));
+    DOP853_STAGE(2, 0.3, 0.075 * K(12) + 0.225 * K(1));
+    DOP853_STAGE(3, 0.6, 0.3 * K(12) - 0.9 * K(1) + 1.2 * K(2));
+    DOP853_STAGE(4, 1.0,
+                 -0.2037037037037037 * K(12) + 2.5 * K(1) - 2.5925925925925926 * K(2) + 1.2962962962962963 * K(3));
+    DOP853_STAGE(5, 0.875,
+                 0.029495804398148147 * K(12) + 0.341796875 * K(1) + 0.041594328703703706 * K(2)
+                 + 0.4003454137731481 * K(3) + 0.061767578125 * K(4));
+    for (int i = 0; i < DOP853_SIZE; ++i)
+        s->y[i] = s->y_old[i] + h * (0.09788359788359788 * K(12) + 0.4025764895330113 * K(2)
+                                     + 0.21043771043771045 * K(3) + 0.2891022021456804 * K(5));
+    for (int i = 0; i < DOP853_SIZE; ++i) {
+        const double error =
+            (-0.004293774801587302 * K(12) + 0.018668586093857853 * K(2) - 0.034155026830808075 * K(3)
+             - 0.019321986607142856 * K(4) + 0.03910220214568041 * K(5)) / DOP853_NAME(scale)(s, s->y_old[i], s->y[i]);
+        square += error * error;
+    }
+    s->once = h * h * square < DOP853_SHARE * DOP853_SHARE * DOP853_SIZE; /* not if it is NaN */
+    trials[0] = trials[1] = s->once ? 0 : trials[1] < DOP853_PATIENCE ? 2 * trials[1] + 1 : DOP853_PATIENCE;
+    if (s->once) {
+        s->next = 10.0 * h;
+        s->t = s->bound;
+    }
+    else {
+        for (int i = 0; i < DOP853_SIZE; ++i)
+            s->y[i] = s->y_old[i];
+    }
+    return s->once;
+}
+
 /* Take a step: as long as the error permits, and not beyond the bound. */
 static DOP853_TARGET int DOP853_NAME(step)(DOP853_NAME(solver) * s, DOP853_CONTEXT context)
 {
@@ -205,12 +261,23 @@ static DOP853_TARGET int DOP853_NAME(step)(DOP853_NAME(solver) * s, DOP853_CONTE
     return DOP853_FAILED;
 }
 
-/* Make the dense output of the last step: three more evaluations. */
+/* Make the dense output of the last step: three more evaluations, or all fifteen where it was taken at once. */
 static DOP853_TARGET void DOP853_NAME(interpolate)(DOP853_NAME(solver) * s, DOP853_CONTEXT context)
 {
     const double h = s->t - s->t_old;
     double trial[DOP853_SIZE];
 
+    if (s->once) { /* its end stays */
+        double y[DOP853_SIZE];
+        for (int i = 0; i < DOP853_SIZE; ++i) {
+            y[i] = s->y[i];
+            s->k[0][i] = s->k[12][i];
+        }
+        DOP853_NAME(try_step)(s, context, h);
+        for (int i = 0; i < DOP853_SIZE; ++i)
+            s->y[i] = y[i];
+        s->once = 0;
+    }
     DOP853_STAGE(13, 0.1,
                  0.056167502283047954 * K(0) + 0.25350021021662483 * K(6) - 0.2462390374708025 * K(7)
                  - 0.12419142326381637 * K(8) + 0.15329179827876568 * K(9) + 0.00820105229563469 * K(10)

@@ -1,6 +1,6 @@
 /* The classical Runge-Kutta method of order 4 in equal steps, with a dense output that is cubic in time.
  *
- * The steps and states are those of p3dof.runs.fixed_steps, but for rounding. With dop853.h it shares the names of
+ * The steps and states are those of p3dof.runs.integration, but for rounding. With dop853.h it shares the names of
  * its functions and what they return, so that the same text can drive both.
  *
  * Included, or pasted, once for each system of equations, with these defined before:

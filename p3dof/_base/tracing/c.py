@@ -19,32 +19,7 @@ def statements(
     suffix: str = "",
     functions: Mapping[str, str] | None = None,
 ) -> list[str]:
-    """Return one declaration for every operation.
-
-    Parameters
-    ----------
-    tape : Tape
-        The operations.
-    places : sequence of int
-        Which of them, in order, from `Tape.needed`.
-    names : mutable mapping of int to str
-        How values are called that are known already; the new ones are added.
-    sincos : str, optional
-        A function ``f(x, &s, &c)`` that takes the place of sin and cos.
-    labels : mapping of int to str, optional
-        What to call new values; ``t`` and their place without it.
-    real : str
-        The type of values.
-    suffix : str
-        What the names of functions end in; with one there is a function for the minimum, too, and a
-        ``zero`` of the type.
-    functions : mapping of str to str, optional
-        Functions that take the place of others, by the name on the tape.
-
-    Returns
-    -------
-    list of str
-    """
+    """Return one declaration for every operation; adds to `names` how values are called."""
     lines, labels = [], labels or {}
     for index in places:
         operation = tape.operations[index]
@@ -73,19 +48,7 @@ def statements(
 
 
 def text(value: Number, names: Mapping[int, str]) -> str:
-    """Return a value in C.
-
-    Parameters
-    ----------
-    value : Symbol or float
-        What.
-    names : mapping of int to str
-        How values on the tape are called.
-
-    Returns
-    -------
-    str
-    """
+    """Return a value in C."""
     if isinstance(value, Symbol):
         return names[value.index]
     number = repr(float(value))

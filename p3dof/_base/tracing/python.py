@@ -18,22 +18,11 @@ def straight_line(
 ) -> Callable[..., tuple[float, ...]]:
     """Return a formula as one function of numbers.
 
-    Parameters
-    ----------
-    formula : callable
-        Called once as ``formula(tape, *symbols)``; the tape is its namespace of sqrt, sin, cos and tanh. It
-        must not branch on what the symbols are. Returns a sequence of values.
-    count : int
-        How many symbols.
-    namespace : module
-        Where the compiled function takes sqrt, sin, cos, tanh and minimum from: `math` for numbers,
-        `numpy` for arrays.
+    Takes `count` numbers, returns a tuple of numbers; like `math` it raises ValueError or ZeroDivisionError
+    outside its domain.
 
-    Returns
-    -------
-    callable
-        Takes `count` numbers, returns a tuple of numbers; like `math` it raises ValueError or
-        ZeroDivisionError outside its domain.
+    `formula`: called once as ``formula(tape, *symbols)``; the tape is its namespace of sqrt, sin, cos and
+    tanh. It must not branch on what the symbols are. Returns a sequence of values.
     """
     tape = Tape()
     inputs = tape.symbols(f"x{i}" for i in range(count))
@@ -43,23 +32,7 @@ def straight_line(
 def function_of(
     tape: Tape, inputs: Sequence[Symbol], results: Sequence[Number], namespace: Any = math
 ) -> Callable[..., tuple[float, ...]]:
-    """Return results on a tape as one function of its inputs; see `straight_line`.
-
-    Parameters
-    ----------
-    tape : Tape
-        The operations.
-    inputs : sequence of Symbol
-        The arguments; values that are inputs here need not be inputs of the tape.
-    results : sequence of Symbol or float
-        What it returns.
-    namespace : module
-        Where functions come from.
-
-    Returns
-    -------
-    callable
-    """
+    """Return results on a tape as one function of its inputs; see `straight_line`."""
     names = {symbol.index: f"x{i}" for i, symbol in enumerate(inputs)}
     lines, used = [], set()
     for index in tape.needed(results, dict(names)):
@@ -77,19 +50,7 @@ def function_of(
 
 
 def or_nan(function: Callable[..., tuple[float, ...]], count: int) -> Callable[..., tuple[float, ...]]:
-    """Return a function that returns NaN where another raises, being outside its domain.
-
-    Parameters
-    ----------
-    function : callable
-        From `straight_line`, on numbers.
-    count : int
-        How many numbers it returns.
-
-    Returns
-    -------
-    callable
-    """
+    """Return a function that returns NaN where another raises, being outside its domain."""
     nowhere = (math.nan,) * count
 
     def guarded(*values: float) -> tuple[float, ...]:

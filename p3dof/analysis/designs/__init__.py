@@ -10,9 +10,7 @@
 """
 
 from p3dof.analysis.designs.columns import Designs
-from p3dof.analysis.designs.evaluation import DesignEvaluation
-from p3dof.analysis.designs.results import DesignForces
-from p3dof.analysis.designs.status import DesignStatus
-from p3dof.analysis.designs.sweep import forces_of_designs
+from p3dof.analysis.designs.evaluation import DesignEvaluation, forces_of_designs
+from p3dof.analysis.designs.results import DesignForces, DesignStatus
 
 __all__ = ["DesignEvaluation", "DesignForces", "DesignStatus", "Designs", "forces_of_designs"]

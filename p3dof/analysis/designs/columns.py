@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
-from p3dof._base.errors import InputError
-from p3dof.analysis.designs.names import ACTUATORS, COMPONENTS, DENSITY, KINDS, SIZES, as_column, columns_of
+from p3dof._base import quantities
+from p3dof._base.checks import FloatArray, meant, shown
+from p3dof._base.errors import InputError, ParameterError
 from p3dof.machine.parameters import (
+    LINKS,
     PAPER,
+    PASSIVE,
+    SLIDES,
     STEEL_DENSITY,
     Actuators,
     Bodies,
@@ -24,10 +27,141 @@ from p3dof.machine.parameters import (
     Parameters,
     of_solids,
 )
-from p3dof.machine.parameters.names import JOINT_GROUPS
+from p3dof.machine.parameters.body import JOINT_GROUPS
 
-BodiesOfDesigns: TypeAlias = Literal["kept", "solids"]
-"""Where the bodies of designs come from."""
+KINDS = {
+    "slider": ("slider_a", "slider_b", "slider_c"),
+    "leg": ("leg_a", "leg_b", "rod_left", "rod_right"),
+    "crossbar": ("crossbar_upper", "crossbar_lower"),
+    "platform": ("platform",),
+}
+"""The kinds of bodies of a parameter file, and the links of each."""
+
+LENGTHS = ("geometry.r", "geometry.R", "geometry.L", "geometry.b")
+SIZES = tuple(f"dimensions.{item.name}" for item in fields(Dimensions))
+OFFSETS = ("offset.y", "offset.z", "offset.theta")
+GRAVITY = ("gravity.x", "gravity.y", "gravity.z")
+DENSITY = "density"
+
+ACTUATORS = "actuators."  # what the names of motors and balances begin with
+_ACTUATOR = {
+    "armature": quantities.MASS,
+    "counterbalance": quantities.FORCE,
+    "spring": quantities.STIFFNESS,
+    "counterweight": quantities.MASS,
+}
+
+_BODY = {
+    "mass": quantities.MASS,
+    **{f"com.{axis}": quantities.LENGTH for axis in "xyz"},
+    **{f"inertia.{axes}": quantities.INERTIA for axes in ("xx", "yy", "zz", "xy", "xz", "yz")},
+}
+COMPONENTS = tuple(_BODY)  # the numbers of a body
+
+
+def _quantities() -> dict[str, quantities.Quantity]:
+    known = dict.fromkeys((*LENGTHS, *SIZES), quantities.LENGTH) | {DENSITY: quantities.MASS_DENSITY}
+    known |= {name: quantities.ANGLE if name.endswith("theta") else quantities.LENGTH for name in OFFSETS}
+    known |= dict.fromkeys(GRAVITY, quantities.ACCELERATION)
+    for body in ("payload", *(f"bodies.{name}" for name in dict.fromkeys((*KINDS, *LINKS)))):
+        known |= {f"{body}.{name}": quantity for name, quantity in _BODY.items()}
+    for joint in (*JOINT_GROUPS, *SLIDES, *PASSIVE):
+        slide = joint == "sliders" or joint in SLIDES
+        known[f"friction.viscous.{joint}"] = quantities.SLIDE_DAMPING if slide else quantities.HINGE_DAMPING
+        known[f"friction.coulomb.{joint}"] = quantities.FORCE if slide else quantities.MOMENT
+    known["friction.smoothing"] = quantities.RATE
+    for name in ("sliders", *SLIDES):
+        known |= {f"{ACTUATORS}{what}.{name}": quantity for what, quantity in _ACTUATOR.items()}
+    for end in ("low", "high"):
+        known |= {f"limits.travel.{end}": quantities.LENGTH, f"limits.tilt.{end}": quantities.ANGLE}
+    return known | {"limits.speed": quantities.SPEED, "limits.force": quantities.FORCE}
+
+
+QUANTITIES = _quantities()  # every column by its full name
+
+_PREFIXES = ("", "geometry.", "dimensions.", "bodies.", ACTUATORS)  # what may be left out in front of a name
+
+
+class Column(NamedTuple):
+    """A column of designs: its full name, and what takes its numbers to SI units."""
+
+    name: str
+    multiply: float = 1.0
+    divide: float = 1.0
+
+    def in_si(self, values: FloatArray) -> FloatArray:
+        """Return numbers of the column in SI units."""
+        if self.multiply == self.divide == 1.0:
+            return values
+        return values * self.multiply / self.divide
+
+
+def full_name(name: str) -> str:
+    """Return the full name of a column; it may lack ``geometry``, ``actuators`` and the like in front."""
+    for prefix in _PREFIXES:
+        if f"{prefix}{name}" in QUANTITIES:
+            return f"{prefix}{name}"
+    ends = {known.removeprefix(prefix): known for known in QUANTITIES for prefix in _PREFIXES}
+    hint = meant(name, ends, 0.5) or "."
+    raise InputError(
+        f"designs: unknown column {shown(name)}{hint} Expected names as in parameter files, with dots: R, "
+        "rod_radius, platform.mass, payload.com.x, friction.viscous.sliders, armature.sliders, limits.force, "
+        "offset.y"
+    )
+
+
+def column_of(header: object) -> Column:
+    """Return the column that a header such as ``R [mm]`` means."""
+    if not isinstance(header, str):
+        raise InputError(f"designs: expected names of columns, got {shown(header)}")
+    name, bracket, unit = header.strip().rpartition("[")
+    if not bracket or not unit.endswith("]"):
+        return Column(full_name(header.strip()))
+    known = full_name(name.strip())
+    try:
+        factor = QUANTITIES[known].read(f"1 {unit[:-1].strip()}", f"designs: column {shown(header.strip())}")
+    except ParameterError as error:
+        raise InputError(str(error)) from error
+    if factor < 1 and abs(1 / factor - round(1 / factor)) < 1e-9 / factor:  # dividing rounds correctly
+        return Column(known, divide=float(round(1 / factor)))
+    return Column(known, multiply=float(factor))
+
+
+def columns_of(headers: Iterable[object]) -> list[Column]:
+    """Return what headers mean, each once."""
+    told = list(headers)
+    found = [column_of(header) for header in told]
+    if not found:
+        raise InputError("designs: expected at least one column, got none")
+    first: dict[str, object] = {}
+    for column, header in zip(found, told, strict=True):
+        if column.name in first:
+            both = f"{shown(first[column.name])} and {shown(header)}"
+            raise InputError(f"designs: two columns are {column.name}: {both}; leave one of them out")
+        first[column.name] = header
+    return found
+
+
+def as_column(name: str, values: object) -> FloatArray:
+    """Return the numbers of a column as they are, NaN and infinities included; ndarray, shape (D,) or ()."""
+    to_numpy = getattr(values, "to_numpy", None)
+    try:
+        array = np.asarray(values if to_numpy is None else to_numpy())
+    except ValueError as error:  # of lists that are no array
+        raise InputError(
+            f"designs: column {shown(name)}: expected real numbers, one a design, got {shown(values)}"
+        ) from error
+    if array.dtype.kind not in "iuf" or array.ndim > 1:
+        got = (
+            f"shape {array.shape}"
+            if array.dtype.kind in "iuf"
+            else shown(array.ravel()[0] if array.size else values)
+        )
+        raise InputError(f"designs: column {shown(name)}: expected real numbers, one a design, got {got}")
+    return array.astype(np.float64)
+
+
+BodiesOfDesigns: TypeAlias = Literal["kept", "solids"]  # where the bodies of designs come from
 
 
 class Designs:
@@ -102,13 +236,7 @@ class Designs:
             raise InputError(f"designs: the column {sized[0]} needs bodies of solids: bodies='solids'")
 
     def __getitem__(self, index: int) -> Parameters:
-        """Return one design as a machine.
-
-        Raises
-        ------
-        ParameterError
-            If it is none that could be built.
-        """
+        """Return one design as a machine."""
         index = range(len(self))[index]
         numbers = {name: float(column[index]) for name, column in self.columns.items()}
         return _machine(numbers, self.machine, self.bodies)
@@ -120,10 +248,6 @@ class Designs:
         ----------
         start, stop : int
             The first of them, and the first that is left out.
-
-        Returns
-        -------
-        Designs
         """
         return Designs(
             {name: column[start:stop] for name, column in self.columns.items()}, self.machine, self.bodies
@@ -140,13 +264,7 @@ def _is_machines(columns: Any) -> bool:
 
 
 def by_header(columns: Any) -> Mapping[Any, Any]:
-    """Return the columns of whatever kind of table, by what they are called, units included.
-
-    Raises
-    ------
-    InputError
-        If it is no table, or its columns are along several dimensions.
-    """
+    """Return the columns of whatever kind of table, by what they are called, units included."""
     if isinstance(columns, Mapping):
         _require_one_dimension(columns)
         return {
@@ -195,18 +313,7 @@ def _of_machines(machines: Sequence[Parameters]) -> dict[str, FloatArray]:
 
 
 def numbers_of(machine: Parameters) -> dict[str, float]:
-    """Return all numbers of a machine by the names of columns, those of every link.
-
-    Parameters
-    ----------
-    machine : Parameters
-        The machine.
-
-    Returns
-    -------
-    dict of str to float
-        In SI units.
-    """
+    """Return all numbers of a machine by the names of columns, those of every link; in SI units."""
     found = {f"geometry.{name}": value for name, value in asdict(machine.geometry).items()}
     found |= {f"gravity.{axis}": float(g) for axis, g in zip("xyz", machine.gravity, strict=True)}
     for link, body in machine.bodies.items():
@@ -299,19 +406,7 @@ def _actuators(base: Actuators, numbers: dict[str, float]) -> Actuators:
 
 
 def by_joint_of(numbers: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    """Return numbers by joint, from names such as ``viscous.sliders``, ``armature.slide_a``; groups give way.
-
-    Parameters
-    ----------
-    numbers : mapping
-        What stands behind ``friction.`` or ``actuators.``, and its values.
-    kind : str
-        ``viscous``, ``coulomb``, ``armature`` or the like.
-
-    Returns
-    -------
-    dict
-    """
+    """Return numbers by joint, from names such as `viscous.sliders`, `armature.slide_a`; groups give way."""
     given = {name.removeprefix(f"{kind}."): v for name, v in numbers.items() if name.startswith(f"{kind}.")}
     found: dict[str, Any] = {}
     for name in sorted(given, key=lambda name: name not in JOINT_GROUPS):

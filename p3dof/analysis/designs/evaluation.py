@@ -1,18 +1,26 @@
-"""`DesignEvaluation`: one motion, and what is asked of any designs over it."""
+"""`DesignEvaluation`: one motion, and what is asked of any designs over it.
+
+Designs computed elsewhere: handed to the workers of a client in blocks, in memory.
+
+`p3dof.design.sweeps` stores blocks, resumes, and reduces what is too much to store.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, Progress
+from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.designs.columns import Designs
+from p3dof._base.time_series.wrenches import Load, WrenchOverTime
+from p3dof.analysis.designs.columns import OFFSETS, BodiesOfDesigns, Designs, full_name
 from p3dof.analysis.designs.figures import (
     BITS,
     FIGURES,
@@ -20,29 +28,26 @@ from p3dof.analysis.designs.figures import (
     STATUS,
     Figure,
     FigureGroup,
+    Samples,
     asked_figures,
     asked_for,
     blocks_of,
+    gradient_of,
     rows_of,
     sampled,
+    samples_of,
 )
 from p3dof.analysis.designs.folding import Folded, Folding, column_or_number, folding_of
-from p3dof.analysis.designs.gradients import gradient_of
-from p3dof.analysis.designs.names import OFFSETS, full_name
-from p3dof.analysis.designs.results import DesignForces
-from p3dof.analysis.designs.samples import Samples, samples_of
-from p3dof.analysis.designs.status import DesignStatus, status_of
+from p3dof.analysis.designs.results import DesignForces, DesignStatus, status_of
 from p3dof.closed_form.compiled.designs import DesignLoops, compiled_level, width_of
 from p3dof.closed_form.compiled.kernels import NUMPY
 from p3dof.machine.motion import Motion
-from p3dof.machine.motion.wrenches import Load, WrenchOverTime
+from p3dof.machine.parameters import Parameters
 
-BLOCK = 4096
-"""Designs at a time: their constants stay in the second level of the cache."""
+BLOCK = 4096  # designs at a time: their constants stay in the second level of the cache
 
 _PLACES = {**FIGURES, "status_at": Figure("s", SAMPLE, 1)}
-_DOUBTFUL = 2
-"""What the compiled loop says of designs that are not clearly good."""
+_DOUBTFUL = 2  # what the compiled loop says of designs that are not clearly good
 
 
 class DesignEvaluation:
@@ -125,10 +130,6 @@ class DesignEvaluation:
         progress : callable, optional
             Called with the number of designs done and of all.
 
-        Returns
-        -------
-        DesignForces
-
         Raises
         ------
         InputError
@@ -186,11 +187,7 @@ class DesignEvaluation:
             gradients[block] = self._gradients(folding, columns, folded, offsets, good)
 
     def _by_numpy(
-        self,
-        folded: Folded,
-        offsets: FloatArray | None,
-        rows: FloatArray,
-        some: NDArray[np.intp],
+        self, folded: Folded, offsets: FloatArray | None, rows: FloatArray, some: NDArray[np.intp]
     ) -> None:
         """Compute the rows of some designs on NumPy: all of them with friction, else those at a margin."""
         for block in blocks_of(len(some), len(self.samples)):
@@ -331,3 +328,110 @@ def _joined(gradients: list[dict[str, dict[str, FloatArray]]]) -> dict[str, dict
         name: {figure: np.concatenate([block[name][figure] for block in gradients]) for figure in figures}
         for name, figures in gradients[0].items()
     }
+
+
+AT_A_TIME = 16 * BLOCK  # designs of a block: tenths of a second of work
+
+_IN_FLIGHT = 32  # blocks that are handed over before the first one is asked for
+
+
+def evaluate_with(
+    client: Any, evaluation: DesignEvaluation, designs: Designs, progress: Progress | None = None
+) -> DesignForces:
+    """Return what designs need over a motion by the workers of a client: the bits of this process."""
+    if not callable(getattr(client, "submit", None)):
+        raise InputError(
+            f"client: expected a distributed.Client or an executor of concurrent.futures, got {shown(client)}"
+        )
+    evaluation.check(designs)
+    options = {"pure": False} if hasattr(client, "scheduler_info") else {}  # Dask would hash all columns
+    starts = range(0, len(designs), AT_A_TIME) or range(1)
+    pending: deque[Any] = deque()
+    found: list[DesignForces] = []
+    waiting = iter(starts)
+    try:
+        while len(found) < len(starts):
+            while len(pending) < _IN_FLIGHT and (start := next(waiting, None)) is not None:
+                part = designs.part(start, min(start + AT_A_TIME, len(designs)))
+                pending.append(client.submit(evaluation.evaluate, part, **options))
+            found.append(pending.popleft().result())
+            if progress is not None:
+                progress(min(len(found) * AT_A_TIME, len(designs)), len(designs))
+    finally:
+        for future in pending:
+            future.cancel()
+    return joined(found)
+
+
+def joined(parts: list[DesignForces]) -> DesignForces:
+    """Return the results of several blocks as one."""
+    values: dict[str, Any] = {}
+    for item in fields(DesignForces):
+        each = [getattr(part, item.name) for part in parts]
+        if item.name != "gradients":
+            values[item.name] = None if each[0] is None else np.concatenate(each)
+    gradients = {
+        name: {figure: np.concatenate([part.gradients[name][figure] for part in parts]) for figure in figures}
+        for name, figures in parts[0].gradients.items()
+    }
+    return DesignForces(**values, gradients=gradients)
+
+
+def forces_of_designs(
+    designs: Any,
+    motion: Motion,
+    machine: Parameters | None = None,
+    *,
+    bodies: BodiesOfDesigns = "kept",
+    wrench: WrenchOverTime = None,
+    figures: Iterable[FigureGroup] = ("singularity",),
+    gradients: Iterable[str] = (),
+    level: str | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    client: Any = None,
+) -> DesignForces:
+    """Return peaks, means and least margins of the forces of many designs over one motion.
+
+    A design that cannot perform the motion has NaN and a `DesignStatus` with why; the others do not depend
+    on it. The compiled loop computes about a million designs a second and thread over 200 samples.
+
+    Parameters
+    ----------
+    designs : Designs, or what `Designs` takes
+        Columns by name, one number a design: lengths, sizes of solids, masses, friction, payload, limits,
+        the place of the motion.
+    motion : Motion
+        What every design does; at most 100,000 samples. Peaks are those of the samples.
+    machine : Parameters, optional
+        What has no column; the paper's machine by default.
+    bodies : {"kept", "solids"}
+        Keep the bodies of `machine`, or compute them anew from solids of each design; see `Designs`.
+    wrench : array-like, shape (6,) or (N, 6), or callable, optional
+        External force and moment on the platform at P, in the fixed frame [N, N m]; see
+        `Manipulator.inverse_dynamics`.
+    figures : iterable of {"singularity", "sliders", "power"}
+        What to compute beside forces and reach: the least angle from the actuation singularity; slider
+        positions, speeds and margins to limits; power, work and all of the sliders.
+    gradients : iterable of str
+        Columns to differentiate all figures by, exactly. The derivative of a peak is that at its sample:
+        where two samples tie, it holds to one side.
+    level, threads
+        What to run on, as of `MachineKernels`.
+    progress : callable, optional
+        Called with the number of designs done and of all.
+    client : distributed.Client or concurrent.futures.Executor, optional
+        Who computes, in blocks of 65,536 designs and to the same bits; this process by default. Where designs
+        are too many for the memory, or must survive interruptions, see `p3dof.design.sweeps`.
+
+    Raises
+    ------
+    InputError
+        If a column or an argument does not fit.
+    """
+    if not isinstance(designs, Designs):
+        designs = Designs(designs, machine, bodies)
+    evaluation = DesignEvaluation(motion, wrench, figures, gradients, level, threads)
+    if client is not None:
+        return evaluate_with(client, evaluation, designs, progress)
+    return evaluation.evaluate(designs, progress)

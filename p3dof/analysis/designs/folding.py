@@ -15,25 +15,32 @@ import numpy as np
 
 from p3dof._base.algebra import Scalar, add, matrix_sum, plus, times
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.derivatives import tangent
 from p3dof._base.tracing.python import function_of
-from p3dof.analysis.designs.columns import BodiesOfDesigns, by_joint_of
-from p3dof.analysis.designs.names import ACTUATORS, DENSITY, GRAVITY, KINDS, LENGTHS, SIZES
+from p3dof._base.tracing.tape import tangent
+from p3dof.analysis.designs.columns import (
+    ACTUATORS,
+    DENSITY,
+    GRAVITY,
+    KINDS,
+    LENGTHS,
+    SIZES,
+    BodiesOfDesigns,
+    by_joint_of,
+)
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Actuated, Moments, fold_actuators, fold_moments, moments_of
-from p3dof.closed_form.compiled.reduced.friction import folded
+from p3dof.closed_form.compiled.reduced.dynamics import folded
 from p3dof.closed_form.paper.formulas import Lengths
 from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.machine.parameters import LINKS, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
-from p3dof.machine.parameters.inertial import Inertial
-from p3dof.machine.parameters.named import inertials_of_solids
-from p3dof.machine.parameters.solids import scales
+from p3dof.machine.parameters.body import Inertial
+from p3dof.machine.parameters.solids import inertials_of_solids, scales
 
 _MASSLESS = Inertial(0, (0, 0, 0), ((0, 0, 0), (0, 0, 0), (0, 0, 0)))
 _FUNCTION = Callable[..., tuple[Any, ...]]
 
 
-class Sizes(NamedTuple):
+class SolidSizes(NamedTuple):
     """Sizes of solids, numbers or symbols; see `Dimensions`."""
 
     slider_edge: Scalar
@@ -43,38 +50,21 @@ class Sizes(NamedTuple):
 
 
 class Folded(NamedTuple):
-    """What the forces of designs depend on.
-
-    Parameters
-    ----------
-    numbers : tuple
-        The 36 of `p3dof.closed_form.compiled.reduced.Model.numbers`, then the coefficients of friction and
-        its smoothing: each a number, or a column (D,).
-    """
+    """What the forces of designs depend on."""
 
     numbers: tuple[Any, ...]
+    """The 36 of `p3dof.closed_form.compiled.reduced.Model.numbers`, then the coefficients of friction and
+    its smoothing: each a number, or a column (D,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Folding:
-    """The traced formulas of some columns.
+    """The traced formulas of some columns."""
 
-    Parameters
-    ----------
-    tape : Tape
-        Their operations.
-    inputs : dict of str to Symbol
-        The columns, and sizes of solids that follow from lengths.
-    results : tuple
-        As `Folded.numbers`.
-    machine : Parameters
-        What has no column.
-    """
-
-    tape: Tape
-    inputs: dict[str, Symbol]
-    results: tuple[Number, ...]
-    machine: Parameters
+    tape: Tape  # their operations
+    inputs: dict[str, Symbol]  # the columns, and sizes of solids that follow from lengths
+    results: tuple[Number, ...]  # as `Folded.numbers`
+    machine: Parameters  # what has no column
 
     @property
     def friction(self) -> bool:
@@ -82,36 +72,13 @@ class Folding:
         return len(self.results) > len(MODEL)
 
     def fold(self, columns: Mapping[str, Any]) -> Folded:
-        """Return the numbers of designs.
-
-        Parameters
-        ----------
-        columns : mapping of str to ndarray, shape (D,)
-            By full names.
-
-        Returns
-        -------
-        Folded
-        """
+        """Return the numbers of designs."""
         with np.errstate(all="ignore"):
             given = {**columns, **self._sizes(columns)}
             return Folded(self._values(*(given[name] for name in self.inputs)))
 
     def tangents(self, columns: Mapping[str, Any], name: str) -> tuple[Any, ...]:
-        """Return how the numbers of `Folded` change with one column.
-
-        Parameters
-        ----------
-        columns : mapping of str to ndarray, shape (D,)
-            By full names.
-        name : str
-            One of them.
-
-        Returns
-        -------
-        tuple
-            Each a number, or a column (D,).
-        """
+        """Return how the numbers of `Folded` change with one column; each a number, or a column (D,)."""
         with np.errstate(all="ignore"):
             given = {**columns, **self._sizes(columns)}
             moved = {name: 1.0, **self._size_rates(columns, name)}
@@ -171,21 +138,7 @@ def _tangents_of(folding: Folding) -> _FUNCTION:
 
 @lru_cache(maxsize=64)
 def folding_of(names: tuple[str, ...], machine: Parameters, bodies: BodiesOfDesigns) -> Folding:
-    """Trace the formulas of some columns.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Full names of the columns.
-    machine : Parameters
-        What has no column.
-    bodies : {"kept", "solids"}
-        Where its bodies come from.
-
-    Returns
-    -------
-    Folding
-    """
+    """Trace the formulas of some columns."""
     tape = Tape()
     inputs = {name: tape.symbol(name, constant=True) for name in names if not name.startswith("limits.")}
     lengths = _lengths(inputs, machine, tape)
@@ -234,24 +187,13 @@ def _moments(
 
 
 def solids_of(columns: Mapping[str, Any], machine: Parameters) -> dict[str, Inertial]:
-    """Return the bodies of designs by link, made of solids, before columns of bodies replace their numbers.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (D,)
-        By full names.
-    machine : Parameters
-        What has no column; what it carries is part of its platform.
-
-    Returns
-    -------
-    dict of str to Inertial
-        Of numbers and arrays (D,).
-    """
+    """Return the bodies of designs by link, made of solids, before columns replace numbers or arrays (D,)."""
     r, R, L, b = (columns.get(name, getattr(machine.geometry, name[-1])) for name in LENGTHS)
     ratio = np.min(np.broadcast_arrays(*scales(r, R, L, b)), axis=0)
     default = Dimensions()
-    sizes = Sizes(*(columns.get(name, ratio * getattr(default, name.partition(".")[2])) for name in SIZES))
+    sizes = SolidSizes(
+        *(columns.get(name, ratio * getattr(default, name.partition(".")[2])) for name in SIZES)
+    )
     lengths = Lengths(r, R, L, b, np.sqrt((L - R + r) * (L + R - r)))
     by_kind = inertials_of_solids(lengths, sizes, columns.get(DENSITY, STEEL_DENSITY))
     found = {link: by_kind[kind] for kind, several in KINDS.items() for link in several}
@@ -260,14 +202,14 @@ def solids_of(columns: Mapping[str, Any], machine: Parameters) -> dict[str, Iner
     return found
 
 
-def _sizes(inputs: dict[str, Symbol], machine: Parameters, tape: Tape) -> Sizes:
+def _sizes(inputs: dict[str, Symbol], machine: Parameters, tape: Tape) -> SolidSizes:
     """Return the sizes of solids; those without a column are symbols, too, where lengths have columns."""
     scaled = Dimensions.scaled(machine.geometry)
     if any(name in inputs for name in LENGTHS):
         for name in SIZES:
             if name not in inputs:
                 inputs[name] = tape.symbol(name, constant=True)
-    return Sizes(*(inputs.get(name, getattr(scaled, name.partition(".")[2])) for name in SIZES))
+    return SolidSizes(*(inputs.get(name, getattr(scaled, name.partition(".")[2])) for name in SIZES))
 
 
 def _given(inputs: Mapping[str, Symbol], prefix: str) -> dict[str, Symbol]:

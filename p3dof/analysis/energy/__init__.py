@@ -8,11 +8,15 @@ forms of the kinematics and from the bodies, without any force: that the work of
 change of T + V is evidence for the forces.
 """
 
-from p3dof.analysis.energy.bodies import kinetic_energy, momentum, potential_energy
-from p3dof.analysis.energy.evaluation import energy_of, imbalance
-from p3dof.analysis.energy.results import DriveLoads, Energy
-from p3dof.analysis.energy.tables import balance_table, bodies_table, drives_table
-from p3dof.analysis.energy.work import work_given
+from p3dof.analysis.energy.evaluation import (
+    energy_of,
+    imbalance,
+    kinetic_energy,
+    momentum,
+    potential_energy,
+    work_given,
+)
+from p3dof.analysis.energy.results import DriveLoads, Energy, balance_table, bodies_table, drives_table
 
 __all__ = [
     "DriveLoads",

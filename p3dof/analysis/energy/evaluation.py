@@ -2,48 +2,248 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.energy.bodies import bodies_of, quantities
+from p3dof._base.samples import OnInvalid
+from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.analysis.energy.results import DriveLoads, Energy
-from p3dof.analysis.energy.work import work_over
-from p3dof.machine.motion.wrenches import WRENCH_ROWS
-from p3dof.machine.parameters import Parameters
+from p3dof.closed_form.kinematics import MechanismMotion, mechanism_motion
+from p3dof.machine.parameters import LINKS, Parameters
 from p3dof.methods import InverseDynamics
 
-_SAME_MACHINE = 1e-6
-"""Share of a leg's length by which sliders of a result may differ from those of the machine."""
 
-_BLOCK = 10_000
-"""Samples whose energies are held at a time."""
+@dataclass(frozen=True, eq=False)
+class Quantities:
+    """What the states of motion of a batch amount to; rows of NaN where they are invalid."""
 
-_ROUNDING = 1e-9
-"""Share of the whole energy below which nothing moves."""
+    sliders: FloatArray  # (..., 3): slider positions A, B, C [m]
+    kinetic: FloatArray  # (..., 10): energies of each of `bodies_of` the machine [J]
+    potential: FloatArray
+    momentum: FloatArray
+    """(..., 3): of all bodies together, the angular one about O, in fixed axes [N s, N m s]."""
+    angular_momentum: FloatArray
+
+
+ACTUATORS = ("actuator_a", "actuator_b", "actuator_c")  # names of energies of motors, screws and balances
+
+
+def bodies_of(parameters: Parameters) -> tuple[str, ...]:
+    """Return what has energy: the ten bodies, and the three actuators where there are any."""
+    return (*LINKS, *ACTUATORS) if parameters.actuators else LINKS
+
+
+def quantities(
+    parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid
+) -> Quantities:
+    """Return energies and momenta at states of motion."""
+    if not isinstance(parameters, Parameters):
+        raise InputError(f"parameters: expected Parameters, got {shown(parameters)}")
+    moving = mechanism_motion(parameters.geometry, pose, velocity, np.zeros(3), on_invalid)
+    shape = moving.sliders.shape[:-1]
+    kinetic, potential = np.zeros((*shape, len(LINKS))), np.zeros((*shape, len(LINKS)))
+    linear, angular = np.zeros((*shape, 3)), np.zeros((*shape, 3))
+    for k, (name, body) in enumerate(parameters.bodies.items()):
+        motion = moving.bodies[name]
+        c, v, _ = motion.at(body.com)
+        omega = np.einsum("...ji,...j->...i", motion.rotation, motion.omega)  # in the axes of the body
+        spin = np.einsum("ij,...j->...i", body.inertia, omega)
+        kinetic[..., k] = (body.mass * np.sum(v * v, axis=-1) + np.sum(omega * spin, axis=-1)) / 2
+        potential[..., k] -= body.mass * np.sum(c * parameters.gravity, axis=-1)
+        linear += body.mass * v
+        angular += body.mass * np.cross(c, v) + np.einsum("...ij,...j->...i", motion.rotation, spin)
+    if parameters.actuators:
+        own, stored = _of_actuators(parameters, moving)
+        kinetic = np.concatenate([kinetic, own], axis=-1)
+        potential = np.concatenate([potential, stored], axis=-1)
+    return Quantities(moving.sliders, kinetic, potential, linear, angular)
+
+
+def _of_actuators(parameters: Parameters, moving: MechanismMotion) -> tuple[FloatArray, FloatArray]:
+    """Return kinetic and potential energy of motors, screws and balances, the latter zero at home."""
+    actuators, position = parameters.actuators, moving.sliders
+    home = actuators.balance_at_home(parameters.gravity)
+    kinetic: FloatArray = actuators.inertia * moving.slider_velocities**2 / 2
+    return kinetic, position * (actuators.stiffness * position / 2 - home)
+
+
+def kinetic_energy(
+    parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
+) -> FloatArray:
+    """Return the kinetic energy of each body, and of the actuators where the machine has any.
+
+    In the order of `bodies_of` the machine [J].
+    """
+    return quantities(parameters, pose, velocity, on_invalid).kinetic
+
+
+def potential_energy(parameters: Parameters, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
+    """Return the potential energy of each body, zero where its mass centre is at the origin O.
+
+    That of the actuators, where the machine has any, is stored in their balances, and zero at home.
+
+    In the order of `bodies_of` the machine [J].
+    """
+    return quantities(parameters, pose, np.zeros(3), on_invalid).potential
+
+
+def momentum(
+    parameters: Parameters, pose: ArrayLike, velocity: ArrayLike, on_invalid: OnInvalid = "raise"
+) -> tuple[FloatArray, FloatArray]:
+    """Return the momentum of all bodies together, and their angular momentum about the origin O.
+
+    Motors, screws and counterweights, whose axes and places are not known, are left out.
+
+    In fixed axes [N s, N m s].
+    """
+    found = quantities(parameters, pose, velocity, on_invalid)
+    return found.momentum, found.angular_momentum
+
+
+_DEGREE = 5  # of the spline through the power that is integrated; lower where there are too few samples
+
+
+def work_over(
+    result: InverseDynamics, rates: FloatArray, total: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the work of all powers over a motion, and how it balances the energy."""
+    work, balance = np.full(rates.shape, np.nan), np.full(len(total), np.nan)
+    done, given = np.zeros(rates.shape[1]), np.zeros(3)
+    for run in runs(result):
+        time = result.time[run]
+        curve = integral(time, rates[run])
+        since = curve(time)
+        work[run] = done + since
+        done = work[run][-1]
+        balance[run] = total[run] - total[run.start] - since[:, :4].sum(axis=-1) + since[:, 4]
+        given += _given(time, rates[run, :3], curve)
+    return work, balance, given
+
+
+def work_given(time: FloatArray, power: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the work of actuators over a motion, all samples of which are valid; ndarray, shape (3,)."""
+    curve = integral(time, power)
+    return curve(time[-1:])[0], _given(time, power, curve)
+
+
+def _given(time: FloatArray, power: FloatArray, curve: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return the work that each of some powers gives, from their integral."""
+    given = np.zeros(power.shape[1])
+    for leg in range(power.shape[1]):
+        steps = np.diff(curve(_with_turns(time, power[:, leg]))[:, leg])
+        given[leg] = steps[steps > 0].sum()
+    return given
+
+
+def runs(result: InverseDynamics) -> list[slice]:
+    """Return the stretches of neighbouring valid samples; none reaches across a singularity.
+
+    Of its samples.
+    """
+    valid = result.valid
+    joined = valid[:-1] & valid[1:]
+    starts = np.flatnonzero(valid & np.concatenate([[True], ~joined]))
+    ends = np.flatnonzero(valid & np.concatenate([~joined, [True]]))
+    return [slice(int(start), int(end) + 1) for start, end in zip(starts, ends, strict=True)]
+
+
+def integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return the integral of powers from the first time on; from times (m,) to integrals (m, k)."""
+    if len(time) == 1:
+        return lambda t: np.zeros((len(t), rates.shape[1]))
+    unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
+    local = (time - time[0]) / unit
+    known = np.column_stack([rates, np.ones(len(time))])  # the integral of one is the time
+    try:
+        curve = _antiderivative(local, known, min(_DEGREE, len(time) - 1))
+        smooth = abs(curve(local[-1])[-1] - local[-1]) <= _ROUNDING * local[-1]
+    except (np.linalg.LinAlgError, ValueError):
+        smooth = False
+    if not smooth:
+        curve = _antiderivative(local, known, 1)
+    return lambda t: np.asarray(curve((t - time[0]) / unit)[:, :-1]) * unit
+
+
+def work_weights(time: FloatArray) -> FloatArray:
+    """Return what the powers at the samples contribute to the work over all: weights of `integral` [s]."""
+    count = len(time)
+    if count == 1:
+        return np.zeros(1)
+    unit = (time[-1] - time[0]) / (count - 1)
+    local = (time - time[0]) / unit
+    weights = _spline_weights(local, min(_DEGREE, count - 1))
+    if not abs(weights.sum() - local[-1]) <= _ROUNDING * local[-1]:
+        weights = _spline_weights(local, 1)
+    return np.asarray(weights * unit)
+
+
+def _spline_weights(time: FloatArray, degree: int) -> FloatArray:
+    """Return the integrals of the splines that are one at a sample and zero at all others."""
+    from scipy.interpolate import BSpline, make_interp_spline
+    from scipy.sparse.linalg import spsolve
+
+    knots = np.repeat(time[[0, -1]], degree + 1) if len(time) == degree + 1 else None
+    try:
+        knots = make_interp_spline(time, np.ones(len(time)), k=degree, t=knots).t
+        table = BSpline.design_matrix(time, knots, degree)
+        whole = (knots[degree + 1 :] - knots[: -degree - 1]) / (degree + 1)  # integrals of the B-splines
+        return np.asarray(spsolve(table.T.tocsc(), whole))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.full(len(time), np.nan)
+
+
+def step_weights(time: FloatArray, points: int) -> FloatArray:
+    """Return how the work of a power grows between samples, by the polynomial through those around.
+
+    Coefficients: the work until the share s of step i is the sum over m of s**(m + 1) times row m on the
+    powers [s].
+    """
+    steps = np.diff(time)
+    nearby = first_points(len(time), points)[:, None] + np.arange(points)
+    places = (time[nearby] - time[:-1, None]) / steps[:, None]
+    powers = np.linalg.inv(places[:, :, None] ** np.arange(points))
+    weights: FloatArray = steps[:, None, None] * powers / np.arange(1, points + 1)[:, None]
+    return weights
+
+
+def first_points(count: int, points: int) -> NDArray[np.int_]:
+    """Return the first of the samples that integrate the step after each of `count` samples but the last."""
+    return np.clip(np.arange(count - 1) - (points // 2 - 1), 0, count - points)
+
+
+def _antiderivative(time: FloatArray, rates: FloatArray, degree: int) -> Any:
+    from scipy.interpolate import make_interp_spline
+
+    # Of few samples, the polynomial through all of them.
+    knots = np.repeat(time[[0, -1]], degree + 1) if len(time) == degree + 1 else None
+    return make_interp_spline(time, rates, k=degree, t=knots).antiderivative()
+
+
+def _with_turns(time: FloatArray, power: FloatArray) -> FloatArray:
+    """Return the times of the samples and of the zeros of the power between them.
+
+    The zeros are those of straight lines: the work is stationary there, so that it hardly matters where.
+    """
+    i = np.flatnonzero(np.sign(power[:-1]) * np.sign(power[1:]) < 0)
+    share = power[i] / (power[i] - power[i + 1])
+    return np.sort(np.concatenate([time, time[i] + share * (time[i + 1] - time[i])]))
+
+
+_SAME_MACHINE = 1e-6  # share of a leg's length by which sliders may differ from those of the machine
+
+_BLOCK = 10_000  # samples whose energies are held at a time
+
+_ROUNDING = 1e-9  # share of the whole energy below which nothing moves
 
 
 def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
-    """Return energy, momentum and work over a motion whose forces are known.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine that the result belongs to.
-    result : InverseDynamics
-        The forces of the actuators, by either method.
-
-    Returns
-    -------
-    Energy
-
-    Raises
-    ------
-    InputError
-        If an argument is something else, or the result is that of a machine of another geometry.
-    """
+    """Return energy, momentum and work over a motion whose forces are known."""
     if not isinstance(result, InverseDynamics):
         raise InputError(f"result: expected InverseDynamics, got {shown(result)}")
     pose = np.where(result.valid[:, None], result.motion.pose, np.nan)
@@ -71,22 +271,7 @@ def energy_of(parameters: Parameters, result: InverseDynamics) -> Energy:
 
 
 def imbalance(parameters: Parameters, result: InverseDynamics) -> tuple[float, float]:
-    """Return by how much the work over a motion misses the change of the energy, and what that is small to.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine that the result belongs to.
-    result : InverseDynamics
-        The forces of the actuators, valid in all samples; two at least.
-
-    Returns
-    -------
-    missed : float
-        Largest magnitude of `Energy.balance` [J]; zero where it is rounding.
-    scale : float
-        `Energy.scale` [J].
-    """
+    """Return how far the work over a motion misses the change of the energy, and what that is small to."""
     pose, velocity = result.motion.pose, result.motion.velocity
     energies = np.concatenate(
         [

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.files import write_table
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
 from p3dof.machine.parameters import LEGS
 
 
 @dataclass(frozen=True, eq=False)
-class DriveLoads:
-    """What a motion asks of each actuator; NaN if a sample is invalid: there is no largest then, and no sum.
+class DriveLoads(Readable):
+    """Loads of each actuator over a motion; NaN if a sample is invalid: there is no largest then, and no sum.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class DriveLoads:
     mean_power : ndarray, shape (3,)
         Work by the time that it takes [W].
     positive_work, negative_work : ndarray, shape (3,)
-        Work given, and work taken back: what a drive could regenerate, zero or less [J].
+        Work supplied, and work regenerated, zero or less [J].
     """
 
     peak_force: FloatArray
@@ -51,7 +51,7 @@ class Energy(ShownInNotebook):
     Work is integrated by a spline of degree 5 through the power at the samples, over runs of neighbouring
     valid samples (of a lower degree for fewer than 6; by trapezoids if their steps are too uneven for a
     spline). What is done between two runs, across invalid samples or an actuation singularity, is unknown:
-    nothing is added for it, and the balance begins anew.
+    nothing is added for it, and the balance restarts.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Energy(ShownInNotebook):
         Names of the ten bodies, and of the three actuators where the machine has any.
     kinetic, potential : ndarray, shape (N, 10) or (N, 13)
         Energies of each body [J]; potential energy is zero where the mass centre is at O. An actuator has
-        that of the inertia reflected to its slider, and of its balance, zero at home.
+        that of the inertia reflected to its slider, and of its counterbalance, zero at home.
     momentum, angular_momentum : ndarray, shape (N, 3)
         Of the ten bodies together, the angular one about O, in fixed axes [N s, N m s].
     power, work : ndarray, shape (N, 3)
@@ -134,23 +134,7 @@ class Energy(ShownInNotebook):
         return float(max(self.kinetic_total[self.valid].max(), np.ptp(total)))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write every quantity to a CSV file, 17 significant digits.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
+        """Write every quantity to a CSV file, 17 digits; errors as `InverseDynamics.to_csv`."""
         header = ["t [s]", "kinetic [J]", "potential [J]", "total [J]"]
         header += [f"power {leg} [W]" for leg in LEGS] + [f"work {leg} [J]" for leg in LEGS]
         header += ["wrench power [W]", "wrench work [J]", "dissipated power [W]", "dissipated work [J]"]
@@ -166,3 +150,55 @@ class Energy(ShownInNotebook):
             *(*self.momentum.T, *self.angular_momentum.T, *self.kinetic.T, *self.potential.T),
         )
         return write_table(path, header, columns)
+
+
+def drives_table(energy: Energy) -> Table:
+    """Return what each drive must do."""
+    drives = energy.drives
+    loads = {
+        "peak force [N]": drives.peak_force,
+        "RMS force [N]": drives.rms_force,
+        "peak speed [m/s]": drives.peak_speed,
+        "peak power [W]": drives.peak_power,
+        "peak braking power [W]": drives.peak_braking,
+        "mean power [W]": drives.mean_power,
+        "work supplied [J]": drives.positive_work,
+        "work regenerated [J]": drives.negative_work,
+    }
+    rows = {name: tuple(values.tolist()) for name, values in loads.items()}
+    return table_of("Loads of the drives", ("drive load", *(f"actuator {leg}" for leg in LEGS)), rows)
+
+
+def bodies_table(energy: Energy) -> Table:
+    """Return the largest kinetic energy of each body."""
+    header = ["body", "peak kinetic energy [J]"]
+    if not energy.valid.all():
+        unknown = dict.fromkeys(energy.bodies, (np.nan,))
+        return table_of("Kinetic energy", header, unknown, "Not known in all samples.")
+    most = int(np.argmax(energy.kinetic_total))
+    total = energy.kinetic_total[most]
+    rows = {
+        name: (energy.kinetic[:, k].max(), f"{energy.kinetic[most, k] / total if total else 0.0:.1%}")
+        for k, name in enumerate(energy.bodies)
+    }
+    header.append(f"share at t = {number(energy.time[most])} s")
+    return table_of("Kinetic energy", header, rows, f"All bodies at most {number(total)} J.")
+
+
+def balance_table(energy: Energy) -> Table:
+    """Return the evidence: the work done on the mechanism against the change of its energy."""
+    error = np.abs(energy.balance[energy.valid]).max(initial=0.0)
+    done = energy.work_done[-1] if energy.valid.all() else np.nan
+    rows = {"over the motion": (done, f"{error:.1e}" if energy.valid.any() else NONE, energy.scale)}
+    header = ("energy balance", "work done [J]", "largest error [J]", "range of the energy [J]")
+    return table_of("Change of the energy less the work done", header, rows)
+
+
+@html_of.register(Energy)
+def energy_html(energy: Energy) -> str:
+    """Return how a notebook shows energy and work over a motion, as HTML."""
+    facts = f"{len(energy.time)} samples from {number(energy.time[0])} to {number(energy.time[-1])} s"
+    invalid = int((~energy.valid).sum())
+    warnings = [f"{invalid} samples are invalid: no peak and no sum is known"] if invalid else []
+    tables = (drives_table(energy), bodies_table(energy), balance_table(energy))
+    return notebook_html("Energy", facts, tables, warnings)

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.checks import Readable
+from p3dof._base.errors import InputError, MissingExtraError
+from p3dof._base.files import suffix_of, write_atomic
+from p3dof._base.version import __version__
 
 _LEGS = ("a", "b", "c")
 _POSE = ("y", "z", "theta")
@@ -11,7 +23,7 @@ _LINES = "m/s, m/s, rad/s"
 
 
 @dataclass(frozen=True)
-class Definition:
+class Definition(Readable):
     """One index.
 
     Parameters
@@ -119,11 +131,11 @@ DEFINITIONS = {
             "radius of the largest ball of accelerations (y, z, ℓ θ) from rest within the force limit",
             _ROSYID,
         ),
-        Definition("holding", "N", "forces of the actuators that hold the machine at rest", "", _LEGS),
+        Definition("holding", "N", "static actuator forces", "", _LEGS),
         Definition(
             "actuator_inertia",
             "kg",
-            "eigenvalues of J⁻ᵀ M J⁻¹, the inertia that the sliders feel, the least first",
+            "eigenvalues of J⁻ᵀ M J⁻¹, the inertia reflected to the sliders, smallest first",
             "Cammarata, Angeles (2010)",
             _ORDER,
         ),
@@ -161,3 +173,59 @@ DEFINITIONS = {
 
 COLUMNS = {column: one for one in DEFINITIONS.values() for column in one.columns}
 """The definition of every single number, by its name."""
+
+
+def dataset_of(
+    found: Any, columns: Mapping[str, NDArray[Any]], dims: Sequence[str], coords: Mapping[str, Any]
+) -> Any:
+    """Return columns of indices as an `xarray.Dataset`."""
+    try:
+        import xarray  # type: ignore[import-not-found,unused-ignore]
+    except ImportError as error:
+        raise MissingExtraError("to_xarray needs xarray: pip install 'p3dof[xarray]'") from error
+    if len(dims) != len(found.shape):
+        raise InputError(f"dims: expected {len(found.shape)} names, one for each axis, got {len(dims)}")
+    variables = {}
+    for name, values in columns.items():
+        one = COLUMNS[name]
+        attributes = {"units": one.unit_of(name), "long_name": one.describe(name, found.length)}
+        variables[name] = (tuple(dims), values, attributes | ({"source": one.source} if one.source else {}))
+    geometry, limits = found.machine.parameters.geometry, found.limits
+    told: dict[str, Any] = {
+        "title": "performance indices of a 3-DOF parallel manipulator",
+        "source": f"p3dof {__version__}",
+        "r [m]": geometry.r,
+        "R [m]": geometry.R,
+        "L [m]": geometry.L,
+        "characteristic length [m]": found.length,
+        "force limit [N]": limits.force,
+        "speed limit [m/s]": limits.speed,
+        "drive stiffness [N/m]": found.drive_stiffness,
+    }
+    attributes = {name.partition(" [")[0].replace(" ", "_"): value for name, value in told.items()}
+    return xarray.Dataset(variables, coords=coords, attrs=attributes)
+
+
+def write_dataset(dataset: Any, path: str | os.PathLike[str]) -> Path:
+    """Write a map to a netCDF file, which programs for arrays with units read; no other library is needed.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of `Workspace.map` or `Indices.to_xarray`. Its own ``to_zarr`` writes Zarr, with zarr installed.
+    path : path-like
+        The file, which ends in ``.nc``; replaced whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the ending is another.
+    FileError
+        If the file cannot be written.
+    """
+    suffix_of(path, "map")
+    plain = dataset.copy()
+    for name, values in plain.variables.items():
+        if values.dtype == np.bool_:
+            plain[name] = values.astype(np.int8)
+    return write_atomic(path, bytes(plain.to_netcdf(engine="scipy")))

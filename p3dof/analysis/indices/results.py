@@ -9,28 +9,131 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, batch_of, positive, shown
+from p3dof._base.checks import FloatArray, as_floats, batch_of, meant, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.samples import OnInvalid
 from p3dof._base.tables import ShownInNotebook
-from p3dof.analysis.indices.capability import SIGNS, ball, lone_ranges, lone_velocities
-from p3dof.analysis.indices.datasets import dataset_of
-from p3dof.analysis.indices.definitions import COLUMNS, DEFINITIONS
-from p3dof.analysis.indices.elasticity import DRIVE, frequencies, rod_compliances, stiffness_of_drives
-from p3dof.analysis.indices.transmission import input_transmission, output_transmission
+from p3dof.analysis.indices.definitions import COLUMNS, DEFINITIONS, dataset_of
 from p3dof.analysis.reactions.stiffness import RodSection
-from p3dof.analysis.workspace.closed_forms import Sizes
+from p3dof.analysis.workspace.closed_forms import Sizes, drops, extents
 from p3dof.closed_form.kinematics import holdable, singularity
 from p3dof.machine.motion import states_of
 from p3dof.machine.parameters import LEGS, Limits, Parameters
 from p3dof.methods import Method
 from p3dof.methods.compiled import ForceDerivatives
 
+SIGNS = np.array([[a, b, c] for a in (-1.0, 1.0) for b in (-1.0, 1.0) for c in (-1.0, 1.0)])
+"""The corners of a box, (8, 3)."""
+
+
+def lone_velocities(jacobian: FloatArray, speed: float) -> FloatArray:
+    """Return the largest velocity along each coordinate alone; ndarray, shape (n, 3)."""
+    found: FloatArray = speed / np.abs(jacobian).max(axis=-2)
+    return found
+
+
+def lone_ranges(held: FloatArray, columns: FloatArray, force: float) -> FloatArray:
+    """Return the range of each coordinate's load alone that forces within their limit allow.
+
+    The forces are held + column · load.
+
+    Least loads of the three coordinates, then the largest; NaN where the machine cannot be held.
+    """
+    size, lean = np.abs(columns), np.sign(columns) * held[..., None]
+    with np.errstate(divide="ignore"):  # an actuator that a load does not concern has room without end
+        up, down = ((force - lean) / size).min(axis=-2), ((force + lean) / size).min(axis=-2)
+    ends = np.concatenate([-down, up], axis=-1)
+    return np.where(_holdable(held, force)[..., None], ends, np.nan)
+
+
+def ball(held: FloatArray, columns: FloatArray, force: float) -> FloatArray:
+    """Return the largest ball of loads, min_i (force - |held_i|) / ‖row_i‖; NaN where it cannot be held."""
+    radius = ((force - np.abs(held)) / np.linalg.norm(columns, axis=-1)).min(axis=-1)
+    return np.where(_holdable(held, force), radius, np.nan)
+
+
+def _holdable(held: FloatArray, force: float) -> NDArray[np.bool_]:
+    return np.asarray((np.abs(held) <= force).all(axis=-1))
+
+
+DRIVE = 1e7
+"""Stiffness of each drive where none is given [N/m]: a guess for a ball screw of this size."""
+
+
+def stiffness_of_drives(given: Any) -> FloatArray:
+    """Return the stiffness of the three drives, (3,) [N/m]."""
+    values = as_floats("drive_stiffness", given)
+    if values.shape not in ((), (3,)) or not (values > 0).all():
+        raise InputError("drive_stiffness: expected a positive number, or three [N/m]")
+    return np.broadcast_to(values, (3,)).copy()
+
+
+def rod_compliances(parameters: Parameters, rods: RodSection | None) -> FloatArray:
+    """Return how rods give way along themselves: L / (n E A) of A, B, and the two of C (3,) [m/N]."""
+    if rods is None:
+        return np.zeros(3)
+    length, bodies = parameters.geometry.L, parameters.bodies
+    stiffness = np.zeros(3)
+    for name, leg in (("leg_a", 0), ("leg_b", 1), ("rod_left", 2), ("rod_right", 2)):
+        radius = rods.radius(length, getattr(bodies, name).mass)
+        stiffness[leg] += rods.young * np.pi * radius**2 / length
+    return 1 / stiffness
+
+
+def frequencies(
+    jacobian: FloatArray,
+    mass: FloatArray,
+    by_pose: FloatArray,
+    iti: FloatArray,
+    drives: FloatArray,
+    rods: FloatArray,
+) -> FloatArray:
+    """Return the natural frequencies about rest, K = Jᵀ diag(k) J + K_g; ndarray, shape (n, 3).
+
+    Along its slider a rod gives way by its compliance / ITI². With drives held in place, the load of gravity
+    and preload changes with the pose: K_g = Jᵀ ∂f/∂x, f the holding forces.
+    """
+    k = 1 / (1 / drives + rods / iti**2)
+    transposed = np.swapaxes(jacobian, -1, -2)
+    K = transposed @ (k[..., None] * jacobian) + transposed @ by_pose
+    K = (K + np.swapaxes(K, -1, -2)) / 2
+    good = np.isfinite(K).all(axis=(-1, -2)) & np.isfinite(mass).all(axis=(-1, -2))
+    found = np.full(iti.shape, np.nan)
+    if good.any():
+        inverse = np.linalg.inv(np.linalg.cholesky(mass[good]))
+        squares = np.linalg.eigvalsh(inverse @ K[good] @ np.swapaxes(inverse, -1, -2))
+        with np.errstate(invalid="ignore"):
+            found[good] = np.sqrt(squares) / (2 * np.pi)
+    return found
+
+
+def input_transmission(sizes: Sizes, y: FloatArray, theta: FloatArray) -> FloatArray:
+    """Return ITI of A, B, C = S/L, (n, 3); the rod of leg C is the middle line of the parallelogram."""
+    found: FloatArray = np.stack(drops(sizes, y, theta), axis=-1) / sizes.L
+    return found
+
+
+def output_transmission(sizes: Sizes, y: FloatArray, theta: FloatArray) -> FloatArray:
+    """Return OTI of A, B, C, ``|rod direction · v| / |v|``, v the velocity of the leg's platform joint.
+
+    v is what it is when the leg's own slider alone moves. With sliders B and C held, P can only turn about
+    the slider of B: OTI of A (and of B) is the sine of the angle between the rods A and B. With A and B held
+    the platform can only turn about P: OTI of C is the cosine of the angle between its arm's motion and the
+    rod.
+
+    From 0 (actuation singularity) to 1; NaN out of reach.
+    """
+    wa, wb, wc = extents(sizes, y, theta)
+    a, b, c = drops(sizes, y, theta)
+    across = np.abs(wa * b + wb * a) / sizes.L**2
+    return np.stack([across, across, np.abs(np.cos(theta) * c - np.sin(theta) * wc) / sizes.L], axis=-1)
+
+
 STEEL_RODS = RodSection()
 """Round rods of steel, of the diameter that gives each its mass."""
 
 
-class Machine(Protocol):
+class IndicesMachine(Protocol):
     """What indices are computed of: `p3dof.Manipulator`."""
 
     @property
@@ -56,7 +159,7 @@ class Indices(ShownInNotebook):
 
     J mixes m/m and m/rad, so that condition numbers need a characteristic length ℓ to compare turning with
     shifting, and depend on it: at home of the paper's machine the condition is 3.23 for ℓ = r, 3.12 for the
-    best ℓ. What needs no ℓ - accuracy, transmission, the inertia that actuators feel, lone capabilities,
+    best ℓ. What needs no ℓ - accuracy, transmission, reflected inertia, capabilities of single axes,
     frequencies - says more. Definitions, units and sources are in `p3dof.analysis.indices.DEFINITIONS`.
 
     Parameters
@@ -72,7 +175,7 @@ class Indices(ShownInNotebook):
     limits : Limits, optional
         Of speed and force; the machine's own without it.
     drive_stiffness : float or array-like, shape (3,)
-        Of the drives along their guide-ways [N/m]; 1e7, a guess, by default.
+        Of the drives along their guideways [N/m]; 1e7, a guess, by default.
     rods : RodSection, optional
         Section and material of legs and rods; steel, and as heavy as they are, by default; None for rigid.
 
@@ -86,7 +189,7 @@ class Indices(ShownInNotebook):
 
     def __init__(
         self,
-        machine: Machine,
+        machine: IndicesMachine,
         pose: ArrayLike,
         length: float | None = None,
         *,
@@ -119,7 +222,7 @@ class Indices(ShownInNotebook):
         return len(self.pose) if self.shape else 1
 
     @property
-    def machine(self) -> Machine:
+    def machine(self) -> IndicesMachine:
         """The machine."""
         return self._machine
 
@@ -252,7 +355,7 @@ class Indices(ShownInNotebook):
 
     @cached_property
     def holding(self) -> FloatArray:
-        """Forces of A, B, C that hold the machine at rest, with gravity and balance, shape (..., 3) [N]."""
+        """Static forces of A, B, C, with gravity and counterbalance, shape (..., 3) [N]."""
         return self._shaped(self._at_rest.forces)
 
     @cached_property
@@ -268,7 +371,7 @@ class Indices(ShownInNotebook):
     def force_vertices(self) -> FloatArray:
         """Corners of the polytope of forces on the surroundings, Jᵀ((±F, ±F, ±F) - f0), (..., 8, 3) [N, N m].
 
-        Gravity shifts it by the holding forces f0.
+        Gravity shifts it by the static forces f0.
         """
         return self._shaped((self.limits.force * SIGNS - self._at_rest.forces[:, None, :]) @ self._jacobians)
 
@@ -303,7 +406,7 @@ class Indices(ShownInNotebook):
 
     @cached_property
     def actuator_inertia(self) -> FloatArray:
-        """Eigenvalues of J⁻ᵀ M J⁻¹ [kg], the least first, shape (..., 3): inertia that the sliders feel.
+        """Eigenvalues of J⁻ᵀ M J⁻¹ [kg], the least first, shape (..., 3): inertia at the sliders.
 
         It needs no ℓ. Cammarata, Angeles (2010).
         """
@@ -341,7 +444,7 @@ class Indices(ShownInNotebook):
         """Natural frequencies at rest, sliders held by their drives, the lowest first, shape (..., 3) [Hz].
 
         M and K = Jᵀ diag(k) J + K_g; 1/k = 1/k_drive + L/(n E A ITI²), n = 1, 1, 2 rods; K_g is the stiffness
-        of gravity and balance. Bodies are rigid but for the length of the rods.
+        of gravity and counterbalance. Bodies are rigid but for the length of the rods.
         """
         compliances = rod_compliances(self._machine.parameters, self._rods)
         iti = input_transmission(self._sizes, *self._y_theta)
@@ -356,16 +459,12 @@ class Indices(ShownInNotebook):
         return {name: self.column(name) for name in COLUMNS}
 
     def column(self, name: str) -> FloatArray:
-        """Return one number of an index.
+        """Return one number of an index, shape (...).
 
         Parameters
         ----------
         name : str
             Of `p3dof.analysis.indices.COLUMNS`, such as ``"lti"`` or ``"frequency_1"``.
-
-        Returns
-        -------
-        ndarray, shape (...)
 
         Raises
         ------
@@ -387,10 +486,6 @@ class Indices(ShownInNotebook):
             Names of the axes; ``pose`` for one, ``pose_0``, ``pose_1``, ... for more.
         coords : mapping, optional
             Coordinates as of `xarray.Dataset`; y, z and θ of the poses by default.
-
-        Returns
-        -------
-        xarray.Dataset
 
         Raises
         ------
@@ -451,24 +546,7 @@ class Indices(ShownInNotebook):
 
 
 def columns_of(found: Indices, names: tuple[str, ...]) -> dict[str, FloatArray]:
-    """Return numbers of indices by name; the name of an index of several numbers stands for all of them.
-
-    Parameters
-    ----------
-    found : Indices
-        At poses.
-    names : tuple of str
-        Of indices or of their columns.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (...)
-
-    Raises
-    ------
-    InputError
-        If there is no such index.
-    """
+    """Return numbers of indices by name; the name of an index of several numbers stands for all of them."""
     columns: dict[str, FloatArray] = {}
     for name in check_names(names):
         one = COLUMNS[name]
@@ -486,7 +564,8 @@ def check_names(names: Any) -> tuple[str, ...]:
         elif isinstance(name, str) and name in DEFINITIONS:
             found += DEFINITIONS[name].columns
         else:
-            raise InputError(f"index: expected one of {', '.join(DEFINITIONS)}; got {shown(name)}")
+            told = f"{shown(name)}{meant(name, DEFINITIONS)}"
+            raise InputError(f"index: expected one of {', '.join(DEFINITIONS)}; got {told}")
     return tuple(dict.fromkeys(found))
 
 

@@ -12,24 +12,11 @@ from p3dof._base.tables import NONE, Table, html_of, notebook_html, number, tabl
 from p3dof.analysis.indices.definitions import COLUMNS
 from p3dof.analysis.indices.results import Indices
 
-_FEW = 6
-"""Poses that have a column each."""
+_FEW = 6  # poses that have a column each
 
 
 def indices_table(found: Indices, columns: Mapping[str, FloatArray]) -> Table:
-    """Return indices at up to six poses, or their least, mean and largest values over more.
-
-    Parameters
-    ----------
-    found : Indices
-        Where they come from.
-    columns : mapping of str to ndarray
-        Of `p3dof.analysis.indices.columns_of`.
-
-    Returns
-    -------
-    Table
-    """
+    """Return indices at up to six poses, or their least, mean and largest values over more."""
     poses = found.pose.reshape(-1, 3)
     few = len(poses) <= _FEW
     header = [_called(pose) for pose in poses] if few else ["least", "mean", "largest"]

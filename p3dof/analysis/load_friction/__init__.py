@@ -3,11 +3,11 @@
 The friction of a joint depends on its reaction, and the reactions of most joints on the friction of hinges.
 Both are found together, as the fixed point of: friction → actuator forces → reactions of elastic joints →
 friction. Its steps shrink by about mu radius over the arms of the rods; where they do not, the machine jams,
-and `p3dof.DynamicsError` says so. Friction of a guide acts along the guide and changes only the force of its
+and `DynamicsError` says so. Friction of a guide acts along the guide and changes only the force of its
 own actuator.
 
 It is there for forces over a motion or a task, for reactions, lives of bearings and sizes of drives. Kernels
-(``method="compiled"``), generated C, forward dynamics, runs in time and the fastest motion know only the
+(``method="compiled"``), generated C, forward dynamics, simulations and the fastest motion know only the
 constant `Friction` of the parameters: their functions have no argument for it.
 
 Both methods have it. They share the reactions, and with them the numbers mu radius √(fx² + fz²); what the
@@ -15,11 +15,9 @@ actuators need against these is found by Pinocchio's joint forces on closed loop
 in the other.
 """
 
-from p3dof.analysis.load_friction.contacts import HingeContact, LoadFriction, SlideContact
-from p3dof.analysis.load_friction.files import read_load_friction
+from p3dof.analysis.load_friction.contacts import HingeContact, LoadFriction, SlideContact, read_load_friction
 from p3dof.analysis.load_friction.fixed_point import over_motion
-from p3dof.analysis.load_friction.results import LoadFrictionEffect
-from p3dof.analysis.load_friction.tables import APPLIES, additions_table, contacts_table
+from p3dof.analysis.load_friction.results import APPLIES, LoadFrictionEffect, additions_table, contacts_table
 from p3dof.methods import CoulombLimits
 
 __all__ = [

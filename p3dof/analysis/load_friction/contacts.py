@@ -1,13 +1,36 @@
-"""`LoadFriction`: friction of hinges, guides and screws that grows with the load they carry."""
+"""`LoadFriction`: friction of hinges, guides and screws that grows with the load they carry.
+
+Files of friction that grows with loads.
+
+The form::
+
+    hinges: {mu: 0.1, radius: 8 mm}                        # of all hinges
+    universals: {mu: 0.1, radius: 8 mm}                    # of both axes of each
+    slides: {drag: 4 N, mu: 0.01, arm: 30 mm, screw: 0.1}
+    joints:                                                # where one joint differs
+      hinge_platform: {mu: 0.002}
+      hinge_lower_right: none
+    smoothing: 1 mm/s
+
+Numbers are in SI units, or have one of their own. Kinds of joints that are left out have no such friction.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields, replace
+from typing import Any
 
-from p3dof._base.checks import not_negative, positive, shown
+import numpy as np
+
+from p3dof._base.checks import FloatArray, Readable, not_negative, positive, shown
 from p3dof._base.errors import ParameterError
+from p3dof._base.files import Source, called, parse_yaml, read_text
+from p3dof._base.quantities import FORCE, LENGTH, RATE, Quantity
+from p3dof.analysis.reactions import Reactions
 from p3dof.machine.parameters import PASSIVE, SLIDES
+from p3dof.machine.parameters.machine import named, read_fields
+from p3dof.methods import CoulombLimits
 
 UNIVERSALS = ("universal_a", "universal_b")
 HINGES = tuple(name for name in PASSIVE if name not in UNIVERSALS)
@@ -78,7 +101,7 @@ class SlideContact:
 
 
 @dataclass(frozen=True)
-class LoadFriction:
+class LoadFriction(Readable):
     """Friction of joints that grows with what they bear, besides the `Friction` of the machine.
 
     The friction of a joint that moves at the rate w is the sum that `HingeContact` or `SlideContact` tells,
@@ -150,3 +173,92 @@ def kind_of(joint: str) -> str:
             return kind
     known = ", ".join((*SLIDES, *PASSIVE))
     raise ParameterError(f"joints: unknown joint {shown(joint)}, expected one of {known}")
+
+
+_NUMBERS: Mapping[str, Quantity] = {"radius": LENGTH, "arm": LENGTH, "drag": FORCE}
+
+
+def read_load_friction(path: Source) -> LoadFriction:
+    """Read how friction grows with loads from a YAML file as above; errors as of `read_parameters`."""
+    source = called(path)
+    known = tuple(item.name for item in fields(LoadFriction))
+    data = read_fields(parse_yaml(read_text(path), source, ParameterError), source, (), known)
+    parts: dict[str, Any] = {
+        name: _contact(data[name], kind, None, f"{source}: {name}")
+        for name, kind in KINDS.items()
+        if name in data
+    }
+    if "joints" in data:
+        where = f"{source}: joints"
+        own = read_fields(data["joints"], where, (), (*SLIDES, *PASSIVE))
+        parts["joints"] = {
+            name: _contact(value, KINDS[kind_of(name)], parts.get(kind_of(name)), f"{where}.{name}")
+            for name, value in own.items()
+        }
+    if "smoothing" in data:
+        parts["smoothing"] = RATE.read(data["smoothing"], f"{source}: smoothing")
+    return named(source, lambda: LoadFriction(**parts))
+
+
+def _contact(data: Any, kind: type[Any], alike: Any, where: str) -> Any:
+    """Return a contact, with the numbers of its kind where a joint has none of its own; None for "none"."""
+    if data == "none":
+        return None
+    needed = [item.name for item in fields(kind) if item.default is MISSING] if alike is None else []
+    data = read_fields(data, where, needed, [item.name for item in fields(kind)])
+    values = {
+        key: _NUMBERS[key].read(value, f"{where}.{key}") if key in _NUMBERS else value
+        for key, value in data.items()
+    }
+    return named(where, lambda: kind(**values) if alike is None else replace(alike, **values))
+
+
+_CUTS = {"universal_a": "loop_a", "universal_b": "loop_b", "hinge_lower_right": "loop_c"}
+"""Reactions of joints at which loops are cut."""
+
+
+def loads_of(friction: LoadFriction, reactions: Reactions) -> dict[str, FloatArray]:
+    """Return the loads that contacts multiply, by joint [N]: of a guide, or across each axis of a hinge."""
+    found = {}
+    for name, contact in _contacts(friction):
+        i = reactions.joints.index(_CUTS.get(name, name))
+        f, m = reactions.forces[:, i], reactions.moments[:, i]
+        if isinstance(contact, SlideContact):
+            load = np.abs(f[:, :2]).sum(axis=1) + np.abs(m).sum(axis=1) / contact.arm
+            found[name] = load[:, None]
+        elif name in UNIVERSALS:  # a leg turns about x0 only, the platform about y0 only
+            x, y, z = np.einsum("nij,nj->in", reactions.rotations[:, i], f)
+            found[name] = np.column_stack([np.hypot(y, z), np.hypot(x, z)])
+        else:
+            found[name] = np.hypot(f[:, 0], f[:, 2])[:, None]
+    return found
+
+
+def limits_of(friction: LoadFriction, loads: Mapping[str, FloatArray]) -> CoulombLimits:
+    """Return the friction that belongs to loads, without that of screws."""
+    limits = {}
+    for name, contact in _contacts(friction):
+        if isinstance(contact, SlideContact):
+            limits[name] = contact.drag + contact.mu * loads[name]
+        else:
+            limits[name] = contact.mu * contact.radius * loads[name]
+    return CoulombLimits(limits, friction.smoothing)
+
+
+def with_screws(friction: LoadFriction, guides: CoulombLimits, nuts: FloatArray) -> CoulombLimits:
+    """Return friction with what screws lose under the forces of their nuts."""
+    limits, screws = dict(guides.limits), np.zeros_like(nuts)
+    for i, name in enumerate(SLIDES):
+        contact = friction.of(name)
+        if isinstance(contact, SlideContact):
+            screws[:, i] = contact.screw * np.abs(nuts[:, i])
+            limits[name] = limits[name] + screws[:, i : i + 1]
+    return CoulombLimits(limits, guides.smoothing, screws)
+
+
+def _contacts(friction: LoadFriction) -> Iterator[tuple[str, HingeContact | SlideContact]]:
+    """Go through the joints that have a contact."""
+    for name in (*SLIDES, *PASSIVE):
+        contact = friction.of(name)
+        if contact is not None:
+            yield name, contact

@@ -11,8 +11,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import DynamicsError, InputError
 from p3dof._base.samples import OnInvalid
-from p3dof.analysis.load_friction.contacts import LoadFriction
-from p3dof.analysis.load_friction.limits import limits_of, loads_of, with_screws
+from p3dof.analysis.load_friction.contacts import LoadFriction, limits_of, loads_of, with_screws
 from p3dof.analysis.load_friction.results import LoadFrictionEffect
 from p3dof.analysis.reactions import Reactions, Stiffness, of_solution
 from p3dof.loops import ClosedLoopModel
@@ -24,18 +23,15 @@ from p3dof.methods import (
     DynamicsMethod,
     InverseDynamics,
     Solution,
-    pinocchio_friction,
     virtual_power,
     with_evidence,
     without_crossings,
 )
+from p3dof.methods import pinocchio as pinocchio_friction
 
-TOLERANCE = 1e-12
-"""Share of the largest load of all joints by which a load may change in the last step."""
-_PATIENCE = 12
-"""Steps within which the changes must halve."""
-_BEYOND = 1e3
-"""A change by so many times the largest load will not settle any more."""
+TOLERANCE = 1e-12  # share of the largest load of all joints by which a load may change in the last step
+_PATIENCE = 12  # steps within which the changes must halve
+_BEYOND = 1e3  # a change by so many times the largest load will not settle any more
 
 _Against: TypeAlias = Callable[[CoulombLimits, Solution], tuple[FloatArray, FloatArray]]
 """Returns what friction takes of the actuators (N, 3) [N], and its power (N,) [W]."""
@@ -55,51 +51,12 @@ def over_motion(
     progress: Progress | None = None,
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
 ) -> LoadFrictionEffect:
-    """Return the forces over a motion with friction that depends on the loads of the joints.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The mechanism.
-    parameters : Parameters
-        The machine.
-    dynamics : DynamicsMethod
-        The way to the forces.
-    method : {"pinocchio", "virtual-power"}
-        Its name.
-    motion : Motion
-        The motion of the platform.
-    friction : LoadFriction
-        The contacts.
-    wrench : array-like or callable, optional
-        External force and moment on the platform at P [N, N m].
-    on_invalid : {"raise", "nan"}
-        Raise for invalid samples, or leave NaN in their rows.
-    stiffness : Stiffness, optional
-        How joints and rods give way, which decides their loads; guesses by default.
-    progress : callable, optional
-        Called with (done, total) by a way that takes its time.
-    examine : callable, optional
-        Finds the warnings of a result.
-
-    Returns
-    -------
-    LoadFrictionEffect
-
-    Raises
-    ------
-    InputError
-        If an argument does not fit, or the method has no friction of this kind.
-    DynamicsError
-        If loads and friction make each other larger without end: the machine would jam.
-    ReachError, SingularityError, SampleError
-        Naming the first bad sample.
-    """
+    """Return the forces over a motion with friction that depends on the loads of the joints."""
     if not isinstance(friction, LoadFriction):
         raise InputError(f"load_friction: expected a LoadFriction, got {shown(friction)}")
     states = states_over(motion, wrench, on_invalid)
     against = _way_of(method, loop, parameters, states)
-    solution, crossings = without_crossings(motion.time, dynamics.solve(states, progress), on_invalid)
+    solution, crossings = without_crossings(motion, dynamics.solve(states, progress), on_invalid)
 
     def loaded(found: Solution, coulomb: CoulombLimits | None) -> Reactions:
         given = "elastic", states.wrench, on_invalid, stiffness, coulomb
@@ -110,17 +67,11 @@ def over_motion(
     given = _Given(friction, solution, slides.a * armature, against, loaded)
     settled, steps = _settle(given, motion)
     without, with_friction = (
-        with_evidence(method, motion, one, states.wrench, crossings, examine, limits, armature)
+        with_evidence(method, motion, one, states.wrench, crossings, examine, limits, parameters.actuators)
         for one, limits in ((solution, None), (settled.solution, settled.coulomb))
     )
     return LoadFrictionEffect(
-        parameters,
-        friction,
-        without,
-        with_friction,
-        settled.reactions,
-        settled.loads,
-        steps,
+        parameters, friction, without, with_friction, settled.reactions, settled.loads, steps
     )
 
 
@@ -132,8 +83,8 @@ def _way_of(method: str, loop: ClosedLoopModel, parameters: Parameters, states: 
     }
     if method not in ways:
         raise InputError(
-            f"load_friction: friction that depends on loads is found by {' or '.join(map(repr, ways))}, not "
-            f"by {shown(method)}: kernels, generated C and runs in time know only the constant Friction of "
+            f"load_friction: load-dependent friction is available with {' or '.join(map(repr, ways))}, not "
+            f"by {shown(method)}: kernels, generated C and simulations have only the constant Friction of "
             "the parameters"
         )
     return ways[method]
@@ -173,7 +124,7 @@ def _settle(given: _Given, motion: Motion) -> tuple[_Step, int]:
         late = len(changes) > _PATIENCE and min(changes[-_PATIENCE:]) > min(changes[:-_PATIENCE]) / 2
         if late or not change < _BEYOND:
             raise DynamicsError(
-                f"load_friction: loads and friction do not settle: after {len(changes) - 1} steps the load "
+                f"load_friction: loads and friction do not converge: after {len(changes) - 1} steps the load "
                 f"of {joint} at t = {motion.time[i]:.4g} s still changes by {change:.2g} of the largest. "
                 "Friction that grows with itself jams the machine: is a coefficient or a radius too large?"
             )

@@ -16,7 +16,7 @@ marked in every sample. There are three ways to them:
     Joints and rods give way as a `Stiffness` says, between rigid bodies and without play; of all possible
     reactions those bear the load whose complementary energy is smallest (`p3dof.loops.compliance`).
     This is what to size joints for, and as good as the stiffnesses; see `Stiffness`, whose numbers by default
-    are guesses. What a misfit of assembly adds comes with it. The half width b of the parallelogram, which
+    are guesses. What an assembly error adds comes with it. The half width b of the parallelogram, which
     decides no actuator force and stands in no paper, decides the loads of its rods.
 ``"paper"``, ``"points"``
     The cuts built so, those reactions that have the smallest sum of squares over all joints, moments taken as
@@ -30,7 +30,14 @@ marked in every sample. There are three ways to them:
 Friction of the joints is part of their reactions, and lies along their freedoms.
 """
 
-from p3dof.analysis.reactions.comparison import AnyReactions, ReactionsComparison, how_chosen
+from p3dof.analysis.reactions.comparison import (
+    AnyReactions,
+    ReactionsComparison,
+    how_chosen,
+    names_table,
+    open_tables,
+    reactions_table,
+)
 from p3dof.analysis.reactions.evaluation import of_result, of_solution, over_motion
 from p3dof.analysis.reactions.joints import (
     ALL,
@@ -43,8 +50,7 @@ from p3dof.analysis.reactions.joints import (
     Way,
     ways_of,
 )
-from p3dof.analysis.reactions.one_joint import JointLoad, JointReaction, OpenPeak, Peak
-from p3dof.analysis.reactions.results import Reactions
+from p3dof.analysis.reactions.results import JointLoad, JointReaction, OpenPeak, Peak, Reactions
 from p3dof.analysis.reactions.stiffness import (
     HingeStiffness,
     Misfit,
@@ -52,9 +58,8 @@ from p3dof.analysis.reactions.stiffness import (
     SlideStiffness,
     Stiffness,
     UniversalStiffness,
+    read_stiffness,
 )
-from p3dof.analysis.reactions.stiffness_file import read_stiffness
-from p3dof.analysis.reactions.tables import names_table, open_tables, reactions_table
 
 __all__ = [
     "ALL",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,21 +13,21 @@ import numpy as np
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
 from p3dof._base.files import write_table
-from p3dof._base.tables import ShownInNotebook
-from p3dof.analysis.reactions.one_joint import OpenPeak, Peak, largest, peaks_of
-from p3dof.analysis.reactions.results import Reactions
+from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof.analysis.reactions.joints import JOINTS, Joint
+from p3dof.analysis.reactions.results import OpenPeak, Peak, Reactions, largest, peaks_of
 from p3dof.loops.reactions import BoolArray
 from p3dof.machine.motion import Motion
 
 UNDECIDED = (
-    "Rigid bodies cannot decide the open loads: stiffness, play and assembly do. Each idealisation shows one "
-    "of many possible values. Neither is a bound, and that they lie close together is no evidence."
+    "Rigid bodies do not determine the open loads: stiffness, clearance and assembly do. Each idealisation "
+    "has one of many possible values. Neither is a bound, and close agreement of both is no evidence."
 )
 """What must stand beside every open load."""
 ELASTIC = (
-    "Loads marked ~ are those of elastic joints and rods between rigid bodies, without play. They are as "
-    "good as the stiffness that these were given, and depend on the width b of the parallelogram, which no "
-    "paper tells."
+    "Loads marked ~ are those of elastic joints and rods between rigid bodies, without clearance. They "
+    "are as good as the given stiffness, and depend on the width b of the parallelogram, which the paper "
+    "does not give."
 )
 """What must stand beside every load of elastic joints."""
 
@@ -91,7 +92,7 @@ class ReactionsComparison(ShownInNotebook):
 
     @property
     def possible(self) -> bool:
-        """Whether every sample is valid: else the machine cannot make the motion."""
+        """Whether every sample is valid: else the machine cannot perform the motion."""
         return bool(self.valid.all())
 
     @property
@@ -115,13 +116,7 @@ class ReactionsComparison(ShownInNotebook):
         return self.elastic, self.paper, self.points
 
     def peaks(self) -> tuple[Peak, ...]:
-        """Return the largest loads of every joint, for sizing its bearings.
-
-        Returns
-        -------
-        tuple of Peak
-            One for each of `JOINTS`, with what elastic joints bear of loads that rigid bodies leave open.
-        """
+        """Return the largest loads of all `JOINTS`, for sizing bearings; open ones of elastic joints."""
         return tuple(peak for peak, _ in self._peaks())
 
     def open_peaks(self) -> tuple[OpenPeak, ...]:
@@ -142,21 +137,7 @@ class ReactionsComparison(ShownInNotebook):
 
         A component that is determined throughout has one column. Of any other there are four: its values with
         elastic joints and in both idealisations, and where it is determined (1) and where not (0).
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Errors as `InverseDynamics.to_csv`.
         """
         header, columns = ["t [s]"], [self.time]
         for k, name in enumerate(self.joints):
@@ -181,23 +162,7 @@ AnyReactions: TypeAlias = Reactions | ReactionsComparison
 
 
 def how_chosen(result: AnyReactions) -> str:
-    """Say by which rule the values of open loads were chosen.
-
-    Parameters
-    ----------
-    result : Reactions or ReactionsComparison
-        The reactions.
-
-    Returns
-    -------
-    str
-        A few sentences.
-
-    Raises
-    ------
-    InputError
-        If `result` is something else.
-    """
+    """Say by which rule the values of open loads were chosen; a few sentences."""
     if not isinstance(result, Reactions | ReactionsComparison):
         raise InputError(f"result: expected Reactions, got {type(result).__name__}")
     told = [ELASTIC] if result.rests_on_stiffness else []
@@ -208,3 +173,116 @@ def how_chosen(result: AnyReactions) -> str:
             f"moments taken as forces on an arm of {1e3 * result.length:g} mm, as if all were equally stiff."
         )
     return " ".join(told)
+
+
+_NOTHING = 1e-9  # reactions that are rounding, of a joint that bears none [N, N m]
+
+
+AXES = (
+    "Components in files are in the axes of the body after the joint; of loop_a, loop_b and loop_c, of the "
+    "leg or rod before it. Those of hinge_lower are the lower cross-bar's, as a link of the URDF: at home "
+    "those of its rods, not the fixed ones in which its mass centre and inertia are given."
+)
+"""In which axes the components of reactions are."""
+
+
+def names_table() -> Table:
+    """Return the key that ties the names in the drawing to those in tables, files and the parameter file."""
+    rows = tuple((joint.label, joint.name, joint.meaning) for joint in sorted(JOINTS, key=_by_label))
+    note = f"The labels are the paper's, but for C7, which the paper does not name. {AXES}"
+    return Table(
+        "Names of the joints", ("in the drawing", "in tables and files", "what it is"), rows, note, "words"
+    )
+
+
+def _by_label(joint: Joint) -> str:
+    return joint.label
+
+
+_LOADS = {
+    "force": "force [N]",
+    "axial": "axial [N]",
+    "radial": "radial [N]",
+    "rms_force": "RMS force [N]",
+    "moment": "moment [N m]",
+    "across": "across [N m]",
+    "rms_moment": "RMS moment [N m]",
+}
+_FIT = {"fit_force": "fit [N]", "fit_moment": "fit [N m]"}
+_NAMES = {joint.name: f"{joint.name} ({joint.label})" for joint in JOINTS}
+
+
+def reactions_table(result: AnyReactions) -> Table:
+    """Return the largest loads of every joint, to size it for."""
+    peaks = result.peaks()
+    columns = dict(_LOADS)
+    if any(peak.fit_force or peak.fit_moment for peak in peaks):
+        columns |= _FIT
+    rows = {_NAMES[peak.joint]: tuple(_cell(peak, name) for name in columns) for peak in peaks}
+    residual = result.residual[result.valid].max(initial=0.0)
+    marks = (
+        "~: depends on the stiffness of joints and rods"
+        if result.rests_on_stiffness
+        else "open: not determined by rigid bodies, see below"
+    )
+    fit = "; fit: no assembly error adds more" if len(columns) > len(_LOADS) else ""
+    note = (
+        "Axial and radial: along and across the joint's axis; moment and across: all, and across the axis; "
+        f"{marks}{fit}. Largest error of Newton's and Euler's equations: {residual:.1e} N or N m."
+    )
+    title = "Largest reactions: to size joints for"
+    if not result.rests_on_stiffness:
+        title = "Largest reactions that rigid bodies determine: to size joints for"
+    return table_of(title, ("joint", *columns.values()), rows, note, "wide", decimals=2)
+
+
+def _cell(peak: Peak, name: str) -> float | str:
+    """Return one load; what stiffness decides is marked, and what nothing decides is called open."""
+    value = _load(getattr(peak, name))
+    if name not in peak.undetermined:
+        return value
+    return "open" if math.isnan(value) else f"~{value:.2f}"
+
+
+def open_tables(result: AnyReactions) -> list[Table]:
+    """Return the loads that rigid bodies leave open, in each way: of forces and of moments.
+
+    None for elastic joints alone.
+    """
+    if result.ways == ("elastic",):
+        return []  # all of it stands among the loads to size for
+    values = {(peak.joint, peak.load): peak.values for peak in result.open_peaks()}
+    tables = []
+    for what, unit in (("forces", "[N]"), ("moments", "[N m]")):
+        loads = [name for name, title in _LOADS.items() if title.endswith(unit)]
+        columns = [(name, kind) for name in loads for kind in result.ways]
+        rows = {
+            _NAMES[joint]: tuple(
+                _load(values[joint, name][kind]) if (joint, name) in values else "" for name, kind in columns
+            )
+            for joint in result.joints
+            if any((joint, name) in values for name in loads)
+        }
+        header = ("joint", *(f"{_LOADS[name]} {kind}" for name, kind in columns))
+        title = f"Open {what}: not to size joints for"
+        if result.rests_on_stiffness:
+            title = f"Open {what}: of elastic joints, and by two idealisations, which are no bounds"
+        tables.append(table_of(title, header, rows, "", "wide", decimals=2))
+    return tables
+
+
+def _load(value: float) -> float:
+    return 0.0 if abs(value) < _NOTHING else value
+
+
+@html_of.register(ReactionsComparison)
+@html_of.register(Reactions)
+def reactions_html(result: AnyReactions) -> str:
+    """Return how a notebook shows reactions, as HTML."""
+    words = ", ".join(result.ways)
+    facts = f"open loads: {words}; {len(result.time)} samples over {number(result.motion.duration)} s"
+    invalid = int((~result.valid).sum())
+    warnings = [f"{invalid} samples are invalid: no largest load is known"] if invalid else []
+    tables = [table for table in open_tables(result) if table.rows]
+    remark = how_chosen(result)
+    return notebook_html("Reactions", facts, [reactions_table(result), *tables], warnings, remark)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, overload
 
 import numpy as np
 
@@ -20,44 +19,9 @@ from p3dof.loops.reactions import LENGTH_SHARE
 from p3dof.machine.motion import Motion, WrenchOverTime, states_over
 from p3dof.machine.parameters import Parameters
 from p3dof.methods import CoulombLimits, InverseDynamics, JointStates, Solution, without_crossings
-from p3dof.methods.pinocchio import PinocchioMethod
-from p3dof.methods.pinocchio_balance import JointForces
-from p3dof.methods.pinocchio_friction import FrictionForces
+from p3dof.methods.pinocchio import FrictionForces, JointForces, PinocchioMethod
 
 
-@overload
-def over_motion(
-    loop: ClosedLoopModel,
-    parameters: Parameters,
-    motion: Motion,
-    joints: Literal["all"] = ...,
-    wrench: WrenchOverTime = ...,
-    on_invalid: OnInvalid = ...,
-    progress: Progress | None = ...,
-    stiffness: Stiffness | None = ...,
-) -> ReactionsComparison: ...
-@overload
-def over_motion(
-    loop: ClosedLoopModel,
-    parameters: Parameters,
-    motion: Motion,
-    joints: Way,
-    wrench: WrenchOverTime = ...,
-    on_invalid: OnInvalid = ...,
-    progress: Progress | None = ...,
-    stiffness: Stiffness | None = ...,
-) -> Reactions: ...
-@overload
-def over_motion(
-    loop: ClosedLoopModel,
-    parameters: Parameters,
-    motion: Motion,
-    joints: Choice,
-    wrench: WrenchOverTime = ...,
-    on_invalid: OnInvalid = ...,
-    progress: Progress | None = ...,
-    stiffness: Stiffness | None = ...,
-) -> AnyReactions: ...
 def over_motion(
     loop: ClosedLoopModel,
     parameters: Parameters,
@@ -68,43 +32,11 @@ def over_motion(
     progress: Progress | None = None,
     stiffness: Stiffness | None = None,
 ) -> AnyReactions:
-    """Return the reactions of all joints over a motion.
-
-    Parameters
-    ----------
-    loop : ClosedLoopModel
-        The mechanism.
-    parameters : Parameters
-        The machine that it is a model of.
-    motion : Motion
-        The motion of the platform.
-    joints : {"all", "elastic", "paper", "points"}
-        How the loads are found that rigid bodies leave open, see the module; in all ways by default.
-    wrench : array-like, shape (6,) or (N, 6), or callable, optional
-        External force and moment on the platform at P, in the fixed frame [N, N m]; or a function of time.
-    on_invalid : {"raise", "nan"}
-        Raise for samples that are out of reach or singular, or leave NaN in their rows.
-    progress : callable, optional
-        Called with (done, total) now and then.
-    stiffness : Stiffness, optional
-        How joints and rods give way; guesses by default.
-
-    Returns
-    -------
-    ReactionsComparison or Reactions
-        In all ways, or in the one that was asked for.
-
-    Raises
-    ------
-    ReachError, SingularityError, SampleError
-        Naming the first bad sample.
-    InputError
-        If the wrench does not fit, the way is unknown, or `motion` is not a `Motion`.
-    """
+    """Return the reactions of all joints over a motion; in all ways, or in the one that was asked for."""
     ways = ways_of(joints)
     states = states_over(motion, wrench, on_invalid)
     solution = PinocchioMethod(parameters, loop).solve(states, progress)
-    solution, _ = without_crossings(motion.time, solution, on_invalid)
+    solution, _ = without_crossings(motion, solution, on_invalid)
     found = _in_ways(
         loop, parameters, motion, solution.joints, solution.forces, ways, states.wrench, on_invalid, stiffness
     )
@@ -122,30 +54,7 @@ def of_solution(
     stiffness: Stiffness | None = None,
     coulomb: CoulombLimits | None = None,
 ) -> Reactions:
-    """Return the reactions that belong to actuator forces and joint states already found.
-
-    Parameters
-    ----------
-    loop, parameters, motion, joints, on_invalid, stiffness
-        As for `over_motion`.
-    solution : Solution
-        Actuator forces and joints of the motion; rows of NaN are left out.
-    wrench : ndarray, shape (N, 6), optional
-        External force and moment on the platform at P [N, N m].
-    coulomb : CoulombLimits, optional
-        Friction that the forces have besides that of the machine.
-
-    Returns
-    -------
-    Reactions
-
-    Raises
-    ------
-    SampleError
-        If the forces of a sample do not produce its motion.
-    InputError
-        If the way is unknown.
-    """
+    """Return the reactions that belong to actuator forces and joint states already found."""
     states, forces = solution.joints, solution.forces
     ways = ways_of(joints)
     given = wrench, on_invalid, stiffness, coulomb
@@ -160,26 +69,7 @@ def of_result(
     on_invalid: OnInvalid = "raise",
     stiffness: Stiffness | None = None,
 ) -> AnyReactions:
-    """Return the reactions that belong to forces already found by Pinocchio.
-
-    Parameters
-    ----------
-    loop, parameters, joints, on_invalid, stiffness
-        As for `over_motion`.
-    result : InverseDynamics
-        The forces, with their motion and load.
-
-    Returns
-    -------
-    ReactionsComparison or Reactions
-
-    Raises
-    ------
-    SampleError
-        If the forces of a sample do not produce its motion.
-    InputError
-        If the way is unknown.
-    """
+    """Return the reactions that belong to forces already found by Pinocchio."""
     ways = ways_of(joints)
     wrench = result.wrench if np.any(result.wrench) else None
     states, forces = result.joints, result.forces

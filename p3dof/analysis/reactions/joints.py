@@ -29,34 +29,20 @@ _CUTS = {"paper": (_LEG, _LEG, _ROD), "points": (_BALL, _BALL, _BALL)}
 
 @dataclass(frozen=True)
 class Joint:
-    """One of the thirteen joints.
+    """One of the thirteen joints."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, in tables and files.
-    label : str
-        Its name in the drawing: the paper's, but for C7, which the paper does not name.
-    meaning : str
-        What it is.
-    predecessor, successor : str
-        Links that it joins; the reaction is what the predecessor exerts on the successor.
-    frame : str
-        Link or marker of the URDF at whose origin and in whose axes the reaction is given. All but one are
-        parallel to the frame of a `Body`: the link ``crossbar_lower`` (of ``hinge_lower``) has the axes of
-        its rods at home, its `Body` those of the fixed frame there.
-    axis : str
-        Which of these axes is the joint's: ``"y"``, or ``"z"`` for the slides. Of a universal joint it is
-        the leg's; a ball joint has none.
-    """
-
-    name: str
-    label: str
-    meaning: str
-    predecessor: str
+    name: str  # its name, in tables and files
+    label: str  # its name in the drawing: the paper's, but for C7, which the paper does not name
+    meaning: str  # what it is
+    predecessor: str  # links that it joins; the reaction is what the predecessor exerts on the successor
     successor: str
     frame: str
+    """Link or marker of the URDF at whose origin and in whose axes the reaction is given. All but one are
+    parallel to the frame of a `Body`: the link `crossbar_lower` (of `hinge_lower`) has the axes of its
+    rods at home, its `Body` those of the fixed frame there."""
     axis: str
+    """Which of these axes is the joint's: `"y"`, or `"z"` for the slides. Of a universal joint it is the
+    leg's; a ball joint has none."""
 
 
 JOINTS = (
@@ -112,22 +98,7 @@ JOINTS = (
 
 
 def cuts(idealisation: str) -> tuple[ClosureJoint, ...]:
-    """Return how the three cuts are built.
-
-    Parameters
-    ----------
-    idealisation : str
-        One of `IDEALISATIONS`.
-
-    Returns
-    -------
-    tuple of ClosureJoint
-
-    Raises
-    ------
-    InputError
-        If there is no such idealisation.
-    """
+    """Return how the three cuts are built."""
     if idealisation not in IDEALISATIONS:
         expected = " or ".join(map(repr, IDEALISATIONS))
         raise InputError(f"cuts: expected {expected}, got {idealisation!r}")
@@ -135,22 +106,7 @@ def cuts(idealisation: str) -> tuple[ClosureJoint, ...]:
 
 
 def ways_of(choice: str) -> tuple[Way, ...]:
-    """Return the ways that were asked for.
-
-    Parameters
-    ----------
-    choice : str
-        One of `WAYS`, or ``"all"``.
-
-    Returns
-    -------
-    tuple of str
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
+    """Return the ways that were asked for."""
     if choice == ALL:
         return WAYS
     for way in WAYS:
@@ -160,18 +116,7 @@ def ways_of(choice: str) -> tuple[Way, ...]:
 
 
 def joint_axes(idealisation: str) -> FloatArray:
-    """Return the axis of each joint in its own frame.
-
-    Parameters
-    ----------
-    idealisation : str
-        One of `IDEALISATIONS`.
-
-    Returns
-    -------
-    ndarray, shape (13, 3)
-        NaN for ball joints.
-    """
+    """Return the axis of each joint in its own frame; ndarray, shape (13, 3): NaN for ball joints."""
     axes = np.array([_AXES[joint.axis] for joint in JOINTS])
     if idealisation == "points":
         axes[-len(_CUTS["points"]) :] = np.nan

@@ -19,26 +19,7 @@ def residual(
     moments: FloatArray,
     positions: FloatArray,
 ) -> FloatArray:
-    """Return the largest error of the equations of all bodies.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    motion : Motion
-        The motion of the platform.
-    wrench : ndarray, shape (N, 6), or None
-        External force and moment on the platform at P [N, N m].
-    forces, moments : ndarray, shape (N, 13, 3)
-        What the predecessor of each of `JOINTS` exerts on the successor, in fixed axes [N, N m].
-    positions : ndarray, shape (N, 13, 3)
-        Where, in the fixed frame [m].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        [N or N m]; NaN where the reactions are.
-    """
+    """Return the largest error of the equations of all bodies; ndarray, shape (N,)."""
     states = motion.pose, motion.velocity, motion.acceleration
     moving = kinematics.mechanism_motion(parameters.geometry, *states, on_invalid="nan").bodies
     worst: FloatArray = np.zeros(len(motion))
@@ -62,17 +43,5 @@ def residual(
 
 
 def in_fixed_axes(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return vectors in the axes of the fixed frame.
-
-    Parameters
-    ----------
-    rotations : ndarray, shape (..., 3, 3)
-        The axes in which they are given, as columns.
-    vectors : ndarray, shape (..., 3)
-        The vectors.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-    """
+    """Return vectors in the axes of the fixed frame; ndarray, shape (..., 3)."""
     return np.asarray(np.einsum("...ij,...j->...i", rotations, vectors))

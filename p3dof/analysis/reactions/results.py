@@ -3,29 +3,176 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import InputError
 from p3dof._base.files import write_table
 from p3dof._base.tables import ShownInNotebook
-from p3dof.analysis.reactions.joints import JOINTS, joint_axes
+from p3dof.analysis.reactions.joints import JOINTS, Joint, joint_axes
 from p3dof.analysis.reactions.newton_euler import in_fixed_axes
-from p3dof.analysis.reactions.one_joint import (
-    JointLoad,
-    JointReaction,
-    OpenPeak,
-    Peak,
-    largest,
-    loads_of,
-    peaks_of,
-)
 from p3dof.loops.reactions import BoolArray
 from p3dof.machine.motion import Motion
+
+
+@dataclass(frozen=True, eq=False)
+class JointReaction(Readable):
+    """The reaction of one joint over the motion."""
+
+    joint: Joint  # which
+    axis: FloatArray  # (3,): its axis; NaN if it has none
+    forces: FloatArray
+    """(N, 3): what the predecessor exerts on the successor, at the origin and in the axes of the joint's
+    frame [N, N m]."""
+    moments: FloatArray
+    determined_forces: BoolArray
+    """(N, 3): which components rigid bodies determine; False where the sample is invalid."""
+    determined_moments: BoolArray
+    fit: FloatArray
+    """(N, 2, 3): what an assembly error adds to force and moment at worst, either way [N, N m]."""
+
+
+@dataclass(frozen=True)
+class Peak(Readable):
+    """The largest loads of one joint, over the valid samples of a motion.
+
+    They are what rigid bodies determine, and beyond it what elastic joints bear. NaN stands for a load that
+    the joint has not (without an axis nothing is along or across it) and, where no stiffness was asked for,
+    for one that has an undetermined part.
+
+    Parameters
+    ----------
+    joint : str
+        Its name.
+    force, axial, radial : float
+        Resultant force, its component along the joint's axis, and the one across [N].
+    moment, across : float
+        Resultant moment, and its component across the joint's axis [N m].
+    rms_force, rms_moment : float
+        Root mean squares over time of the resultants [N, N m].
+    undetermined : tuple of str
+        Which of these fields contain a component that rigid bodies do not determine: with elastic joints they
+        rest on their stiffness, without they are NaN.
+    fit_force, fit_moment : float
+        A bound of what an assembly error adds to the force and to the moment: the norm of what it adds
+        at worst to each component [N, N m].
+    """
+
+    joint: str
+    force: float
+    axial: float
+    radial: float
+    moment: float
+    across: float
+    rms_force: float
+    rms_moment: float
+    undetermined: tuple[str, ...]
+    fit_force: float = 0.0
+    fit_moment: float = 0.0
+
+
+@dataclass(frozen=True)
+class OpenPeak(Readable):
+    """The largest value of a load that rigid bodies do not determine, by ways to find it.
+
+    Those of idealisations are some of many possible ones, and bound nothing.
+
+    Parameters
+    ----------
+    joint : str
+        Name of the joint.
+    load : str
+        Which of the fields of a `Peak`.
+    values : mapping of str to float
+        By the name of the way [N or N m]; NaN where the joint has no such load.
+    """
+
+    joint: str
+    load: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class JointLoad:
+    """The largest value of one load of a joint, and whether it contains an undetermined component.
+
+    Parameters
+    ----------
+    value : float
+        NaN if there is none [N or N m].
+    undetermined : bool
+        Whether rigid bodies leave it open.
+    """
+
+    value: float
+    undetermined: bool
+
+
+_FIT = ("fit_force", "fit_moment")
+
+
+def loads_of(one: JointReaction, time: FloatArray, valid: BoolArray) -> dict[str, JointLoad]:
+    """Return the largest loads of a joint, by the fields of a `Peak`; NaN if no sample is valid."""
+    time, axis = time[valid], one.axis
+    force, moment = one.forces[valid], one.moments[valid]
+    open_force = np.asarray(np.any(~one.determined_forces[valid], axis=0))
+    open_moment = np.asarray(np.any(~one.determined_moments[valid], axis=0))
+    along, across = axis != 0, axis == 0  # NaN is along: what has no axis is NaN itself
+    loads = {
+        "force": (largest(_length(force)), open_force.any()),
+        "axial": (largest(force @ axis), open_force[along].any()),
+        "radial": (largest(_length(_across(force, axis))), open_force[across].any()),
+        "moment": (largest(_length(moment)), open_moment.any()),
+        "across": (largest(_length(_across(moment, axis))), open_moment[across].any()),
+        "rms_force": (_rms(time, _length(force)), open_force.any()),
+        "rms_moment": (_rms(time, _length(moment)), open_moment.any()),
+        "fit_force": (largest(_length(one.fit[valid, 0])), False),
+        "fit_moment": (largest(_length(one.fit[valid, 1])), False),
+    }
+    return {
+        name: JointLoad(value, bool(mark and np.isfinite(value))) for name, (value, mark) in loads.items()
+    }
+
+
+def peaks_of(joint: str, loads: Mapping[str, dict[str, JointLoad]]) -> tuple[Peak, tuple[OpenPeak, ...]]:
+    """Return what all idealisations determine of a joint's loads, and apart from it the rest."""
+    names = tuple(name for name in next(iter(loads.values())) if not name.startswith("fit_"))
+    each = {name: {kind: one[name] for kind, one in loads.items()} for name in names}
+    marked = tuple(name for name in names if any(load.undetermined for load in each[name].values()))
+    known = {}
+    for name in names:
+        values = [load.value for load in each[name].values() if np.isfinite(load.value)]
+        known[name] = values[0] if values and name not in marked else float("nan")
+        if "elastic" in each[name]:
+            known[name] = each[name]["elastic"].value
+    rest = (OpenPeak(joint, name, {kind: load.value for kind, load in each[name].items()}) for name in marked)
+    fit = {name: loads["elastic"][name].value for name in _FIT} if "elastic" in loads else {}
+    return Peak(joint, **known, undetermined=marked, **fit), tuple(rest)
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(vectors, axis=-1))
+
+
+def _across(vectors: FloatArray, axis: FloatArray) -> FloatArray:
+    return vectors - np.outer(vectors @ axis, axis)
+
+
+def largest(values: FloatArray) -> float:
+    """Return the largest magnitude, NaN of nothing."""
+    return float(np.abs(values).max()) if len(values) else float("nan")
+
+
+def _rms(time: FloatArray, values: FloatArray) -> float:
+    """Return the root mean square over time; of one sample its value, of none NaN."""
+    if len(time) < 2:
+        return largest(values)
+    return float(np.sqrt(np.trapezoid(values**2, time) / (time[-1] - time[0])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +202,7 @@ class Reactions(ShownInNotebook):
     undetermined : ndarray of int, shape (N,)
         How many independent changes of the reactions leave the motion as it is.
     fit : ndarray, shape (N, 2, 13, 2, 3)
-        What a misfit of assembly may add to each component of force and moment, either way: at worst, and at
+        What an assembly error may add to each component of force and moment, either way: at worst, and at
         random (standard deviations, if the tolerances are some) [N, N m]; zero without any.
     residual : ndarray, shape (N,)
         Largest error of Newton's and Euler's equations [N or N m]: of every body, with the motion of its mass
@@ -131,33 +278,23 @@ class Reactions(ShownInNotebook):
 
     @property
     def possible(self) -> bool:
-        """Whether every sample is valid: else the machine cannot make the motion."""
+        """Whether every sample is valid: else the machine cannot perform the motion."""
         return bool(self.valid.all())
 
     def in_base(self) -> tuple[FloatArray, FloatArray]:
-        """Return forces and moments in the axes of the fixed frame, at the same points.
+        """Return forces and moments (N, 13, 3) [N, N m] in the axes of the fixed frame, at the same points.
 
         Marks hold for the joints' own axes only: here a component mixes what is determined and what is not.
-
-        Returns
-        -------
-        forces, moments : ndarray, shape (N, 13, 3)
-            [N, N m].
         """
         return in_fixed_axes(self.rotations, self.forces), in_fixed_axes(self.rotations, self.moments)
 
     def loads(self, name: str) -> dict[str, JointLoad]:
-        """Return the largest loads of a joint and which of them are open, by the fields of a `Peak`.
+        """Return a joint's largest loads and which are open, by fields of a `Peak`; NaN if not `possible`.
 
         Parameters
         ----------
         name : str
             Of the joint.
-
-        Returns
-        -------
-        dict of str to JointLoad
-            NaN unless the motion is `possible`: what lies between the samples may be larger.
 
         Raises
         ------
@@ -167,24 +304,13 @@ class Reactions(ShownInNotebook):
         return loads_of(self[name], self.time, self.valid & self.possible)
 
     def peaks(self) -> tuple[Peak, ...]:
-        """Return the largest loads of every joint, for sizing its bearings.
-
-        Returns
-        -------
-        tuple of Peak
-            One for each of `JOINTS`; unless the joints are elastic, NaN where `open_peaks` tells.
-        """
+        """Return the largest loads of all `JOINTS`, for sizing; rigid ones NaN where `open_peaks` tells."""
         return tuple(peaks_of(name, {self.way: self.loads(name)})[0] for name in self.joints)
 
     def open_peaks(self) -> tuple[OpenPeak, ...]:
-        """Return the largest values here of the loads that rigid bodies leave open.
+        """Return the largest values here, by `JOINTS`, of the loads that rigid bodies leave open.
 
         Unless the joints are elastic, each is one of many possible values, and no bound.
-
-        Returns
-        -------
-        tuple of OpenPeak
-            In the order of `JOINTS`.
         """
         found = (peaks_of(name, {self.way: self.loads(name)})[1] for name in self.joints)
         return tuple(peak for peaks in found for peak in peaks)
@@ -194,21 +320,7 @@ class Reactions(ShownInNotebook):
 
         Components are in the axes of the joints' frames (`Joint.frame`). One that is not determined in every
         sample is followed by a column that says where it is (1) and where not (0).
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Errors as `InverseDynamics.to_csv`.
         """
         header, columns = ["t [s]"], [self.time]
         for name in self.joints:

@@ -1,7 +1,22 @@
 """How the joints and rods of the manipulator give way, from numbers of catalogues and of the drawing.
 
 The numbers by default are guesses for joints of this size: replace them by those of the bearings that are to
-be used. `p3dof.analysis.reactions.stiffness_file` reads them from files.
+be used. `p3dof.analysis.reactions.stiffness` reads them from files.
+
+Stiffness files: YAML.
+
+The form of a file, in which everything may be left out::
+
+    hinges: {radial: 100 N/um, axial: 50 N/um, tilt: 10 N m/mrad}
+    slides: {lateral: 200 N/um, tilt: 20 N m/mrad, roll: 10 N m/mrad}
+    universals: {force: 80 N/um, moment: 4 N m/mrad}
+    rods: {diameter: 20 mm, young: 210 GPa, poisson: 0.3}    # or: rods: rigid
+    joints:                                     # where one joint differs
+      hinge_left: {radial: 60 N/um}
+    misfit: {shift: 5 um, turn: 0.1 mrad}       # what assembly may be off by, in every joint
+    cuts: paper                                 # or points: ball joints at the ends of the legs
+
+Numbers are in SI units, or have one of their own. What is left out has the values of `Stiffness`.
 """
 
 from __future__ import annotations
@@ -9,14 +24,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, not_negative, positive, shown
-from p3dof._base.errors import ParameterError
+from p3dof._base.checks import FloatArray, Readable, not_negative, positive, shown
+from p3dof._base.errors import InputError, ParameterError
+from p3dof._base.files import Source, called, parse_yaml, read_text
+from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS, TURNING_STIFFNESS, Quantity
 from p3dof.analysis.reactions.joints import JOINTS, Idealisation, cuts
 from p3dof.loops.compliance import JointCompliance, beam
 from p3dof.machine.parameters import STEEL_DENSITY, Parameters
+from p3dof.machine.parameters.machine import named, read_fields
 
 _LOOPS = ("loop_a", "loop_b", "loop_c")
 _RODS = {"loop_a": "leg_a", "loop_b": "leg_b", "hinge_lower": "rod_left", "loop_c": "rod_right"}
@@ -30,24 +49,11 @@ def _positive(of: object) -> None:
 
 @dataclass(frozen=True)
 class HingeStiffness:
-    """A hinge: a bearing about y.
+    """A hinge: a bearing about y."""
 
-    Parameters
-    ----------
-    radial, axial : float
-        Against shifting across and along the axis [N/m].
-    tilt : float
-        Against turning about an axis across it [N m/rad].
-
-    Raises
-    ------
-    ParameterError
-        If a number is not positive; infinity is rigid.
-    """
-
-    radial: float = 1e8
+    radial: float = 1e8  # against shifting across and along the axis [N/m]
     axial: float = 5e7
-    tilt: float = 1e4
+    tilt: float = 1e4  # against turning about an axis across it [N m/rad]
 
     def __post_init__(self) -> None:
         _positive(self)
@@ -59,23 +65,10 @@ class HingeStiffness:
 
 @dataclass(frozen=True)
 class SlideStiffness:
-    """The guide of a slider: carriages on a rail along z.
+    """The guide of a slider: carriages on a rail along z."""
 
-    Parameters
-    ----------
-    lateral : float
-        Against shifting across the rail [N/m].
-    tilt, roll : float
-        Against turning about an axis across the rail, and about the rail [N m/rad].
-
-    Raises
-    ------
-    ParameterError
-        If a number is not positive; infinity is rigid.
-    """
-
-    lateral: float = 2e8
-    tilt: float = 2e4
+    lateral: float = 2e8  # against shifting across the rail [N/m]
+    tilt: float = 2e4  # against turning about an axis across the rail, and about the rail [N m/rad]
     roll: float = 1e4
 
     def __post_init__(self) -> None:
@@ -88,23 +81,10 @@ class SlideStiffness:
 
 @dataclass(frozen=True)
 class UniversalStiffness:
-    """A universal or a ball joint at the end of a leg.
+    """A universal or a ball joint at the end of a leg."""
 
-    Parameters
-    ----------
-    force : float
-        Against shifting [N/m].
-    moment : float
-        Against turning about the axis that it does not turn about freely [N m/rad].
-
-    Raises
-    ------
-    ParameterError
-        If a number is not positive; infinity is rigid.
-    """
-
-    force: float = 8e7
-    moment: float = 4e3
+    force: float = 8e7  # against shifting [N/m]
+    moment: float = 4e3  # against turning about the axis that it does not turn about freely [N m/rad]
 
     def __post_init__(self) -> None:
         _positive(self)
@@ -116,26 +96,12 @@ class UniversalStiffness:
 
 @dataclass(frozen=True)
 class RodSection:
-    """Legs and rods as slender round beams without mass, of one diameter and material.
-
-    Parameters
-    ----------
-    diameter : float, optional
-        [m]; by default that of a solid cylinder of steel as heavy as each leg or rod.
-    young : float
-        Young's modulus [Pa].
-    poisson : float
-        Poisson's ratio.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not physical.
-    """
+    """Legs and rods as slender round beams without mass, of one diameter and material."""
 
     diameter: float | None = None
-    young: float = 210e9
-    poisson: float = 0.3
+    """[m]; by default that of a solid cylinder of steel as heavy as each leg or rod."""
+    young: float = 210e9  # young's modulus [Pa]
+    poisson: float = 0.3  # poisson's ratio
 
     def __post_init__(self) -> None:
         if self.diameter is None:
@@ -146,20 +112,7 @@ class RodSection:
             raise ParameterError(f"poisson: expected less than 0.5, got {self.poisson:g}")
 
     def compliance(self, length: float, mass: float) -> FloatArray:
-        """Return the compliance at the tip of a rod.
-
-        Parameters
-        ----------
-        length : float
-            [m]
-        mass : float
-            Of the rod [kg].
-
-        Returns
-        -------
-        ndarray, shape (6, 6)
-            See `p3dof.loops.compliance.beam`.
-        """
+        """Return the compliance at the tip of a rod; ndarray, shape (6, 6)."""
         radius = self.radius(length, mass)
         bending = math.pi * radius**4 / 4
         shear = self.young / (2 * (1 + self.poisson))
@@ -177,23 +130,10 @@ _JointStiffness = HingeStiffness | SlideStiffness | UniversalStiffness
 
 @dataclass(frozen=True)
 class Misfit:
-    """By how much every joint may be out of place when the machine is assembled.
+    """By how much every joint may be out of place when the machine is assembled."""
 
-    Parameters
-    ----------
-    shift : float
-        In every direction in which a joint holds [m].
-    turn : float
-        About every axis about which it holds [rad].
-
-    Raises
-    ------
-    ParameterError
-        If a number is negative.
-    """
-
-    shift: float = 0.0
-    turn: float = 0.0
+    shift: float = 0.0  # in every direction in which a joint holds [m]
+    turn: float = 0.0  # about every axis about which it holds [rad]
 
     def __post_init__(self) -> None:
         for name in ("shift", "turn"):
@@ -201,7 +141,7 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Stiffness:
+class Stiffness(Readable):
     """How joints and rods give way; platform, sliders and cross-bars are rigid.
 
     Parameters
@@ -254,10 +194,6 @@ class Stiffness:
         ----------
         parameters : Parameters
             The machine, for lengths and masses of its rods.
-
-        Returns
-        -------
-        tuple of JointCompliance
         """
         found = []
         for joint in JOINTS:
@@ -295,3 +231,50 @@ def kind_of(joint: str) -> str:
     if joint.startswith("slide"):
         return "slides"
     return "universals" if joint in _LOOPS[:2] else "hinges"
+
+
+_NUMBERS: Mapping[str, Quantity] = {
+    **dict.fromkeys(("radial", "axial", "lateral", "force"), STIFFNESS),
+    **dict.fromkeys(("tilt", "roll", "moment"), TURNING_STIFFNESS),
+    **dict.fromkeys(("diameter", "shift"), LENGTH),
+    "young": PRESSURE,
+    "turn": ANGLE,
+}
+
+
+def read_stiffness(path: Source) -> Stiffness:
+    """Read how joints and rods give way from a YAML file as above; errors as of `read_parameters`."""
+    source = called(path)
+    known = tuple(item.name for item in fields(Stiffness))
+    data = read_fields(parse_yaml(read_text(path), source, ParameterError), source, (), known)
+    parts: dict[str, Any] = {
+        name: _read(data[name], kind(), f"{source}: {name}") for name, kind in KINDS.items() if name in data
+    }
+    if "joints" in data:
+        where = f"{source}: joints"
+        own = read_fields(data["joints"], where, (), [joint.name for joint in JOINTS])
+        alike = {name: parts.get(name, kind()) for name, kind in KINDS.items()}
+        parts["joints"] = {
+            name: _read(value, alike[kind_of(name)], f"{where}.{name}") for name, value in own.items()
+        }
+    if "rods" in data:
+        rigid = data["rods"] == "rigid"
+        parts["rods"] = None if rigid else _read(data["rods"], RodSection(), f"{source}: rods")
+    if "misfit" in data:
+        parts["misfit"] = _read(data["misfit"], Misfit(), f"{source}: misfit")
+    if "cuts" in data:
+        parts["cuts"] = data["cuts"]
+    try:
+        return named(source, lambda: Stiffness(**parts))
+    except InputError as error:
+        raise ParameterError(f"{source}: {error}") from error
+
+
+def _read(data: Any, start: Any, where: str) -> Any:
+    """Return a part with the numbers of a file in place of its own."""
+    data = read_fields(data, where, (), [item.name for item in fields(start)])
+    values = {
+        key: _NUMBERS[key].read(value, f"{where}.{key}") if key in _NUMBERS else value
+        for key, value in data.items()
+    }
+    return named(where, lambda: replace(start, **values))

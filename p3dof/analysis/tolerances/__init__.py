@@ -10,14 +10,28 @@
 """
 
 from p3dof.analysis.tolerances.draws import DrawnForces, DrawnPoses
-from p3dof.analysis.tolerances.estimation import ParameterEstimate, estimate_parameters, prior_deviations
-from p3dof.analysis.tolerances.files import Uncertainty, read_uncertainty
-from p3dof.analysis.tolerances.identifiability import Identifiability, identifiability
+from p3dof.analysis.tolerances.estimation import (
+    Identifiability,
+    ParameterEstimate,
+    estimate_parameters,
+    identifiability,
+    prior_deviations,
+)
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
-from p3dof.analysis.tolerances.sensitivity import LocalSensitivity, sensitivity
-from p3dof.analysis.tolerances.sobol import MatchedSamples, SobolIndices, sobol_indices
-from p3dof.analysis.tolerances.tables import sensitivity_table, tolerance_tables
-from p3dof.analysis.tolerances.tolerance import tolerance
+from p3dof.analysis.tolerances.sensitivity import (
+    LocalSensitivity,
+    MatchedSamples,
+    SobolIndices,
+    sensitivity,
+    sobol_indices,
+)
+from p3dof.analysis.tolerances.tolerance import (
+    Uncertainty,
+    read_uncertainty,
+    sensitivity_table,
+    tolerance,
+    tolerance_tables,
+)
 
 __all__ = [
     "DrawnForces",

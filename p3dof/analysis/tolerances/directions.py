@@ -11,11 +11,20 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, as_floats, positive, shown
 from p3dof._base.errors import InputError, ParameterError
-from p3dof.analysis.designs.columns import BodiesOfDesigns, Designs, numbers_of
-from p3dof.analysis.designs.names import COMPONENTS, DENSITY, KINDS, QUANTITIES, SIZES, full_name
+from p3dof._base.quantities import Quantity
+from p3dof.analysis.designs.columns import (
+    COMPONENTS,
+    DENSITY,
+    KINDS,
+    QUANTITIES,
+    SIZES,
+    BodiesOfDesigns,
+    Designs,
+    full_name,
+    numbers_of,
+)
 from p3dof.machine.parameters import LINKS, PAPER, STEEL_DENSITY, Dimensions, Parameters
-from p3dof.machine.parameters.names import JOINT_GROUPS
-from p3dof.machine.parameters.quantities import Quantity
+from p3dof.machine.parameters.body import JOINT_GROUPS
 
 
 class HasParameters(Protocol):
@@ -26,27 +35,11 @@ class HasParameters(Protocol):
         """What the machine is."""
 
 
-AnyMachine: TypeAlias = Parameters | HasParameters | None
-"""A machine, its parameters, or the paper's machine."""
+AnyMachine: TypeAlias = Parameters | HasParameters | None  # a machine, its parameters, or the paper's machine
 
 
 def parameters_of(robot: AnyMachine) -> Parameters:
-    """Return the parameters of a machine; those of the paper's for None.
-
-    Parameters
-    ----------
-    robot : Parameters, Manipulator or None
-        What the user gave.
-
-    Returns
-    -------
-    p3dof.Parameters
-
-    Raises
-    ------
-    InputError
-        If it is something else.
-    """
+    """Return the parameters of a machine; those of the paper's for None."""
     if robot is None:
         return PAPER
     found = robot if isinstance(robot, Parameters) else getattr(robot, "parameters", None)
@@ -57,24 +50,13 @@ def parameters_of(robot: AnyMachine) -> Parameters:
 
 @dataclass(frozen=True)
 class Direction:
-    """A number of a machine that varies, and what moves with it.
+    """A number of a machine that varies, and what moves with it."""
 
-    Parameters
-    ----------
-    name : str
-        Its full name, as columns of designs have it.
-    nominal : float
-        Its number at the machine, in SI units.
-    unit : str
-        Its SI unit.
-    rates : dict of str to float
-        How columns of designs change by it: 1 for itself; a body's inertia keeps its ratio to the mass.
-    """
-
-    name: str
-    nominal: float
-    unit: str
+    name: str  # its full name, as columns of designs have it
+    nominal: float  # its number at the machine, in SI units
+    unit: str  # its SI unit
     rates: Mapping[str, float] = field(default_factory=dict)
+    """How columns of designs change by it: 1 for itself; a body's inertia keeps its ratio to the mass."""
 
 
 Fixed: TypeAlias = Mapping[str, float]
@@ -89,25 +71,7 @@ def direction_of(
     A mass takes the body's inertia about its mass centre with it, as a body of another density would; a kind
     of bodies (``leg``) or a group of joints (``sliders``) moves all of its members together.
 
-    Parameters
-    ----------
-    name : str
-        As columns of designs are called: ``R``, ``platform.mass``, ``friction.viscous.sliders``.
-    machine : Parameters
-        The machine.
-    bodies : {"kept", "solids"}
-        Where its bodies come from.
-    fixed : mapping of str to float
-        Numbers that are not those of the machine.
-
-    Returns
-    -------
-    Direction
-
-    Raises
-    ------
-    InputError
-        If there is no such number, or it cannot vary here.
+    `name`: as columns of designs are called: ``R``, ``platform.mass``, ``friction.viscous.sliders``.
     """
     if not isinstance(name, str):
         raise InputError(f"expected names of parameters, got {shown(name)}")
@@ -165,26 +129,7 @@ def columns_of_directions(
     moved: FloatArray,
     fixed: Fixed = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
-    """Return columns of designs that are moved along directions.
-
-    Parameters
-    ----------
-    directions : tuple of Direction
-        What varies.
-    machine : Parameters
-        The machine.
-    bodies : {"kept", "solids"}
-        Where bodies come from. Sizes of solids that do not vary stay those of the machine's drawing, whatever
-        its lengths are.
-    moved : ndarray, shape (D, P)
-        By how much each direction is moved, in SI units.
-    fixed : mapping of str to float
-        Numbers that are not those of the machine.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (D,)
-    """
+    """Return columns of designs that are moved along directions; dict of str to ndarray, shape (D,)."""
     numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
     told = dict.fromkeys((*(SIZES if bodies == "solids" else ()), *fixed))
     columns: dict[str, FloatArray] = {name: np.full(len(moved), numbers[name]) for name in told}
@@ -207,24 +152,7 @@ def designs_of(
 
 
 def fixed_of(given: Mapping[str, Any] | None, bodies: BodiesOfDesigns) -> dict[str, float]:
-    """Return numbers that are not those of the machine, by full names, in SI units.
-
-    Parameters
-    ----------
-    given : mapping, optional
-        Sizes and the density of solids, lengths and so on, numbers or texts with units.
-    bodies : {"kept", "solids"}
-        Where bodies come from.
-
-    Returns
-    -------
-    dict of str to float
-
-    Raises
-    ------
-    InputError
-        If it is no mapping, or a number does not fit.
-    """
+    """Return numbers that are not those of the machine, by full names, in SI units."""
     if not isinstance(given, Mapping | None):
         raise InputError(f"fixed: expected numbers by names, got {shown(given)}")
     found = {}
@@ -241,28 +169,7 @@ def fixed_of(given: Mapping[str, Any] | None, bodies: BodiesOfDesigns) -> dict[s
 
 
 def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> float:
-    """Return a positive number in SI units of one with a unit (``0.1 mm``) or a share (``2 %``).
-
-    Parameters
-    ----------
-    value : float or str
-        What the user gave; a number is in SI units.
-    nominal : float
-        What shares are of.
-    quantity : Quantity
-        What kind of number it is.
-    where : str
-        What to call it in an error.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If it is no such number, is not positive, or is a share of nothing.
-    """
+    """Return a positive number in SI units of one with a unit (``0.1 mm``) or a share (``2 %``)."""
     if isinstance(value, str) and value.strip().endswith("%"):
         share = _share(value, where)
         if not nominal:
@@ -276,22 +183,7 @@ def amount_of(value: Any, nominal: float, quantity: Quantity, where: str) -> flo
 
 
 def require_smaller(sigma: float, nominal: float, unit: str, where: str) -> None:
-    """Raise where a length or mass of a machine would vary by as much as it is: a unit is missing.
-
-    Parameters
-    ----------
-    sigma, nominal : float
-        The standard deviation, and the number that varies.
-    unit : str
-        Their SI unit.
-    where : str
-        What to call it in an error.
-
-    Raises
-    ------
-    InputError
-        If the deviation is not the smaller one.
-    """
+    """Raise where a length or mass of a machine would vary by as much as it is: a unit is missing."""
     if nominal and sigma >= abs(nominal):
         raise InputError(
             f"{where}: expected less than the number itself, {nominal:g} {unit}, got {sigma:g} {unit}; "
@@ -314,27 +206,7 @@ def directions_of(
     bodies: BodiesOfDesigns,
     fixed: Fixed = MappingProxyType({}),
 ) -> tuple[tuple[Direction, ...], tuple[Any, ...]]:
-    """Return what varies, each once, and the values that the user gave for it.
-
-    Parameters
-    ----------
-    given : mapping
-        By names of parameters.
-    what : str
-        What to call it in an error.
-    machine, bodies, fixed
-        As of `direction_of`.
-
-    Returns
-    -------
-    directions : tuple of Direction
-    values : tuple
-
-    Raises
-    ------
-    InputError
-        If it is no mapping, is empty, or a number would vary twice.
-    """
+    """Return what varies, each once, and the values that the user gave for it."""
     if not isinstance(given, Mapping) or not given:
         raise InputError(f"{what}: expected numbers by names of parameters, such as {{'R': '0.1 mm'}}")
     found: dict[str, Direction] = {}

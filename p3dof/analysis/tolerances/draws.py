@@ -24,18 +24,17 @@ from p3dof._base.blocks import (
 from p3dof._base.checks import FloatArray, Progress, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import scratch_folder
+from p3dof._base.time_series.wrenches import Load
+from p3dof.analysis.designs.columns import OFFSETS
 from p3dof.analysis.designs.evaluation import DesignEvaluation
 from p3dof.analysis.designs.figures import blocks_of, sampled
 from p3dof.analysis.designs.folding import Folded, column_or_number, folding_of
-from p3dof.analysis.designs.names import OFFSETS
-from p3dof.analysis.designs.status import DesignStatus
+from p3dof.analysis.designs.results import DesignStatus
 from p3dof.analysis.tolerances.directions import columns_of_directions, designs_of
-from p3dof.analysis.tolerances.forces import TWO_SIDED, ForceCase, first_order
-from p3dof.analysis.tolerances.pose import NAMES, pose_gradient, poses_of
+from p3dof.analysis.tolerances.pose import NAMES, TWO_SIDED, ForceCase, first_order, pose_gradient, poses_of
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.machine.motion.wrenches import Load
 from p3dof.machine.parameters import Geometry
 
 Spread: TypeAlias = Literal["normal", "uniform"]
@@ -43,33 +42,15 @@ Spread: TypeAlias = Literal["normal", "uniform"]
 
 
 class Draws(NamedTuple):
-    """How machines are drawn, and who computes them.
+    """How machines are drawn, and who computes them."""
 
-    Parameters
-    ----------
-    machines : int
-        How many.
-    seed : int
-        Of the random numbers.
-    spread : {"normal", "uniform"}
-        How parameters are spread.
-    folder : path-like, optional
-        Where blocks are stored, so that it can be resumed.
-    resume : bool
-        Go on with what is in the folder.
-    client : distributed.Client or executor, optional
-        Who computes; this process without one.
-    progress : callable, optional
-        Called with the number of machines done and of all.
-    """
-
-    machines: int = 2000
-    seed: int = 0
-    spread: Spread = "normal"
-    folder: Any = None
-    resume: bool = False
-    client: Any = None
-    progress: Progress | None = None
+    machines: int = 2000  # how many
+    seed: int = 0  # of the random numbers
+    spread: Spread = "normal"  # how parameters are spread
+    folder: Any = None  # where blocks are stored, so that it can be resumed
+    resume: bool = False  # go on with what is in the folder
+    client: Any = None  # who computes; this process without one
+    progress: Progress | None = None  # called with the number of machines done and of all
 
     def made(self, problem: Any, keep: tuple[str, ...], reductions: tuple[Reduction, ...] = ()) -> Sweep:
         """Compute a problem, in the folder or in one of its own."""
@@ -83,7 +64,7 @@ class Draws(NamedTuple):
         if self.folder is not None:
             return sweep(problem, self.folder, resume=self.resume, **options)
         if self.resume:
-            raise InputError("resume: expected a folder to go on in")
+            raise InputError("resume: expected a folder to resume in")
         with scratch_folder() as place:
             made = sweep(problem, place / "draws", shared=self.client is None, **options)
             _ = made.reductions, self.columns(made, keep)
@@ -114,17 +95,7 @@ PEAKS = ("peak_force_a", "peak_force_b", "peak_force_c", "peak_force")
 
 
 class DrawnForces:
-    """Forces of machines drawn at random, for `p3dof.sweep`; columns of forces at each sample too.
-
-    Parameters
-    ----------
-    case : ForceCase
-        The nominal machine, and what varies.
-    sampling : Samples
-        Of the deviations.
-    block_size : int, optional
-        Machines of a block; by default 2000, or less for a motion of many samples, which take the memory.
-    """
+    """Forces of sampled machines, for `p3dof.sweep`; columns of forces at each sample too."""
 
     def __init__(self, case: ForceCase, sampling: Samples, block_size: int | None = None) -> None:
         load = None if case.wrench is None else Load(case.wrench, case.motion.start).over(case.motion.time)
@@ -186,25 +157,7 @@ class DrawnForces:
 
 
 def drawn_forces(case: ForceCase, draws: Draws) -> ForceTolerance:
-    """Return the tolerance of forces by machines drawn at random.
-
-    Parameters
-    ----------
-    case : ForceCase
-        The nominal machine, and what varies.
-    draws : Draws
-        How many, and where.
-
-    Returns
-    -------
-    ForceTolerance
-        Worst cases, gradients and shares are those of the first order.
-
-    Raises
-    ------
-    InputError
-        If less than two machines can make the motion.
-    """
+    """Return the tolerance of forces by sampled machines; worst cases and shares of first order."""
     linear = first_order(case)
     problem = DrawnForces(case, sampling_of(case.names, case.sigma, draws))
     keep = (*case.names, *PEAKS)
@@ -213,7 +166,7 @@ def drawn_forces(case: ForceCase, draws: Draws) -> ForceTolerance:
     drawn, peaks = columns[:, : len(case.names)], columns[:, len(case.names) :]
     good = peaks[np.isfinite(peaks).all(axis=1)]
     if len(good) < 2:
-        raise InputError(f"samples: only {len(good)} of {len(peaks)} machines drawn make the motion")
+        raise InputError(f"samples: only {len(good)} of {len(peaks)} sampled machines can perform the motion")
     (moments,) = made.reductions.values()
     shape = (3, len(case.motion))
     mean = np.array([moments[name].mean for name in problem.bands]).reshape(shape).T
@@ -234,19 +187,7 @@ def drawn_forces(case: ForceCase, draws: Draws) -> ForceTolerance:
 
 
 class DrawnPoses:
-    """Errors of poses of machines drawn at random, for `p3dof.blocks.sweep`.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The nominal lengths.
-    pose : ndarray, shape (K, 3)
-        Poses that the sliders are sent to.
-    sampling : Samples
-        Of the deviations, by names of `p3dof.analysis.tolerances.pose.NAMES`.
-    block_size : int
-        Machines of a block.
-    """
+    """Errors of poses of sampled machines, for `p3dof.blocks.sweep`."""
 
     def __init__(
         self, geometry: Geometry, pose: FloatArray, sampling: Samples, block_size: int = 20_000
@@ -267,11 +208,7 @@ class DrawnPoses:
     def settings(self) -> dict[str, Any]:
         """Return everything that the results depend on."""
         lengths = {name: getattr(self.geometry, name) for name in ("r", "R", "L")}
-        return {
-            "geometry": lengths,
-            "pose": digest(self.pose),
-            "sampling": dict(self.sampling.settings()),
-        }
+        return {"geometry": lengths, "pose": digest(self.pose), "sampling": dict(self.sampling.settings())}
 
     def compute(self, block: Block) -> dict[str, NDArray[Any]]:
         """Return the columns of a block."""
@@ -286,23 +223,7 @@ class DrawnPoses:
 def first_order_pose(
     geometry: Geometry, pose: FloatArray, names: tuple[str, ...], sigma: FloatArray, worst: float
 ) -> PoseTolerance:
-    """Return the tolerance of poses to first order.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The nominal lengths.
-    pose : ndarray, shape (..., 3)
-        The poses.
-    names, sigma
-        What varies, as of `p3dof.analysis.tolerances.pose.sigmas_of`.
-    worst : float
-        How many standard deviations the worst case is.
-
-    Returns
-    -------
-    PoseTolerance
-    """
+    """Return the tolerance of poses to first order."""
     gradient = pose_gradient(geometry, pose)[..., [NAMES.index(name) for name in names]]
     spread = gradient * sigma
     covariance = spread @ np.swapaxes(spread, -1, -2)
@@ -316,27 +237,7 @@ def first_order_pose(
 
 
 def drawn_poses(geometry: Geometry, linear: PoseTolerance, draws: Draws) -> PoseTolerance:
-    """Return the tolerance of poses by machines drawn at random.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The nominal lengths.
-    linear : PoseTolerance
-        To first order.
-    draws : Draws
-        How many, and where.
-
-    Returns
-    -------
-    PoseTolerance
-        Worst cases, gradients and shares are those of the first order.
-
-    Raises
-    ------
-    InputError
-        If less than two machines assemble.
-    """
+    """Return the tolerance of poses by sampled machines; worst cases and shares of first order."""
     poses = linear.pose.reshape(-1, 3)
     problem = DrawnPoses(geometry, poses, sampling_of(linear.names, linear.sigma, draws))
     made = draws.made(problem, problem.columns)
@@ -344,7 +245,7 @@ def drawn_poses(geometry: Geometry, linear: PoseTolerance, draws: Draws) -> Pose
     drawn, errors = columns[:, : len(linear.names)], columns[:, len(linear.names) :]
     good = errors[np.isfinite(errors).all(axis=1)]
     if len(good) < 2:
-        raise InputError(f"samples: only {len(good)} of {len(errors)} machines drawn assemble")
+        raise InputError(f"samples: only {len(good)} of {len(errors)} sampled machines assemble")
     shape = linear.pose.shape
     by_pose = good.reshape(len(good), -1, 3)
     apart = by_pose - by_pose.mean(axis=0)

@@ -12,46 +12,40 @@ h is that of the nominal machine: it only says where z counts from.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, batch_of, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.tolerances.directions import amount_of, require_smaller
-from p3dof.machine.parameters import Geometry
-from p3dof.machine.parameters.quantities import LENGTH
+from p3dof._base.quantities import LENGTH
+from p3dof._base.time_series.wrenches import WrenchOverTime
+from p3dof.analysis.designs.columns import OFFSETS, BodiesOfDesigns
+from p3dof.analysis.designs.figures import derivatives, sampled, samples_of
+from p3dof.analysis.designs.folding import Folded, Folding, folding_of
+from p3dof.analysis.designs.results import DesignStatus
+from p3dof.analysis.tolerances.directions import (
+    Direction,
+    amount_of,
+    columns_of_directions,
+    designs_of,
+    require_smaller,
+)
+from p3dof.analysis.tolerances.results import ForceTolerance
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import Geometry, Parameters
 
 KINDS = ("R", "r", "L", "encoder")
-NAMES = tuple(f"{kind}.{leg}" for leg in "abc" for kind in KINDS)
-"""The twelve parameters of the pose."""
+NAMES = tuple(f"{kind}.{leg}" for leg in "abc" for kind in KINDS)  # the twelve parameters of the pose
 
 _STEPS = 25
-_CLOSED = 1e-13
-"""What a closure may be open in the end [m], for each metre of a leg's length."""
+_CLOSED = 1e-13  # what a closure may be open in the end [m], for each metre of a leg's length
 
 
 def sigmas_of(given: Mapping[str, Any], geometry: Geometry) -> tuple[tuple[str, ...], FloatArray]:
-    """Return which parameters of the pose vary, and their standard deviations.
-
-    Parameters
-    ----------
-    given : mapping
-        By ``R``, ``r``, ``L``, ``encoder`` for all legs, each leg on its own, or by ``L.a`` and so on.
-    geometry : Geometry
-        The nominal lengths.
-
-    Returns
-    -------
-    names : tuple of str
-    sigma : ndarray, shape (P,)
-        [m]
-
-    Raises
-    ------
-    InputError
-        If something is not among them, or is no length.
-    """
+    """Return which parameters of the pose vary, and their standard deviations."""
     if not isinstance(given, Mapping) or not given:
         raise InputError("sigma: expected lengths by names of parameters, such as {'L': '50 um'}")
     found: dict[str, float] = {}
@@ -72,22 +66,7 @@ def sigmas_of(given: Mapping[str, Any], geometry: Geometry) -> tuple[tuple[str, 
 
 
 def closures(geometry: Geometry, pose: FloatArray, off: FloatArray) -> FloatArray:
-    """Return where the sliders of a machine stand, as its encoders tell it.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        The nominal lengths.
-    pose : ndarray, shape (..., 3)
-        Of its platform.
-    off : ndarray, shape (..., 12)
-        By how much it is off, as `NAMES` [m].
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        [m]; NaN out of reach.
-    """
+    """Return where the sliders of a machine stand, as its encoders tell it; ndarray, shape (..., 3)."""
     sliders: FloatArray = _closures(geometry, pose, off)[0]
     return sliders
 
@@ -139,19 +118,7 @@ def pose_gradient(geometry: Geometry, pose: FloatArray) -> FloatArray:
 def poses_of(geometry: Geometry, pose: FloatArray, off: FloatArray) -> FloatArray:
     """Return where machines stand whose encoders tell what the nominal one's would at a pose.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        The nominal lengths.
-    pose : ndarray, shape (..., 3)
-        Which the sliders are sent to.
-    off : ndarray, shape (M, 12)
-        By how much each machine is off [m].
-
-    Returns
-    -------
-    ndarray, shape (M, ..., 3)
-        By Newton's method from `pose`; NaN where a machine does not assemble near it.
+    By Newton's method from `pose`; NaN where a machine does not assemble near it.
     """
     asked = closures(geometry, pose, np.zeros(len(NAMES)))
     off = off.reshape(len(off), *(1,) * (pose.ndim - 1), len(NAMES))
@@ -173,16 +140,117 @@ def poses_of(geometry: Geometry, pose: FloatArray, off: FloatArray) -> FloatArra
 
 
 def checked_pose(geometry: Geometry, pose: Any) -> FloatArray:
-    """Return poses that the nominal machine reaches and holds.
-
-    Raises
-    ------
-    InputError, ReachError, SingularityError
-        If they are none.
-    """
-    from p3dof.closed_form.kinematics.gate import holdable
+    """Return poses that the nominal machine reaches and holds."""
+    from p3dof.closed_form.kinematics.validity import holdable
     from p3dof.machine.motion.states import states_of
 
     poses = batch_of("pose", pose, 3)
     holdable(geometry, states_of(poses))
     return poses
+
+
+TWO_SIDED, ONE_SIDED = 1.959963984540054, 1.6448536269514722
+"""Standard deviations within which 95 % of a normal distribution are, and below which they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCase:
+    """A machine, its motion, and what varies about it."""
+
+    machine: Parameters  # the nominal machine
+    motion: Motion  # what it does
+    directions: tuple[Direction, ...]  # what varies
+    sigma: FloatArray  # (P,): standard deviations, in SI units
+    bodies: BodiesOfDesigns = "kept"  # where its bodies come from
+    wrench: WrenchOverTime = None  # external load
+    worst: float = 3.0  # how many standard deviations the worst case is
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    """Numbers that are not those of the machine, such as sizes of its solids."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters."""
+        return tuple(direction.name for direction in self.directions)
+
+
+def require_possible(case: ForceCase) -> None:
+    """Raise `InputError` unless the nominal machine makes the motion."""
+    from p3dof.analysis.designs.evaluation import DesignEvaluation
+
+    nominal = designs_of(
+        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma))), case.fixed
+    )
+    found = DesignEvaluation(case.motion, case.wrench, threads=1).evaluate(nominal)
+    if found.status[0] != DesignStatus.FEASIBLE:
+        raise InputError(f"robot: the nominal machine cannot perform the motion: {found.reason(0)}")
+
+
+def force_gradients(case: ForceCase) -> tuple[FloatArray, FloatArray]:
+    """Return the nominal forces (N, 3) [N], and their derivatives by the parameters (P, N, 3), in SI."""
+    columns = columns_of_directions(
+        case.directions, case.machine, case.bodies, np.zeros((1, len(case.sigma))), case.fixed
+    )
+    samples = samples_of(case.motion, case.wrench)
+    folding = folding_of(tuple(columns), case.machine, case.bodies)
+    offsets = np.array([[float(columns[name][0]) if name in columns else 0.0 for name in OFFSETS]])
+    state = sampled(folding.fold(columns), samples, offsets)
+    by_column = partial(_along, folding, columns)
+    gradients = []
+    for direction in case.directions:
+        rates = [rate if np.ndim(rate) == 0 else rate[:, None] for rate in by_column(direction)]
+        moved = [direction.rates.get(name, 0.0) for name in OFFSETS]
+        found = derivatives(state.numbers, state.inputs, rates, moved).forces
+        gradients.append(np.stack([np.broadcast_to(force, (1, len(samples)))[0] for force in found], axis=-1))
+    return np.stack([force[0] for force in state.found.forces], axis=-1), np.array(gradients)
+
+
+def _along(folding: Folding, columns: dict[str, FloatArray], direction: Direction) -> tuple[FloatArray, ...]:
+    """Return how the numbers of the dynamics change along a direction."""
+    total: list[FloatArray] = []
+    for column, rate in direction.rates.items():
+        moved = [rate * np.asarray(number, dtype=float) for number in folding.tangents(columns, column)]
+        total = [a + b for a, b in zip(total, moved, strict=True)] if total else moved
+    return Folded(tuple(total)).numbers
+
+
+def first_order(case: ForceCase) -> ForceTolerance:
+    """Return the tolerance of forces to first order."""
+    forces, gradients = force_gradients(case)
+    spread = gradients * case.sigma[:, None, None]
+    deviation = np.sqrt((spread**2).sum(axis=0))
+    worst = case.worst * np.abs(spread).sum(axis=0)
+    peak, by_peak = _peaks(forces, gradients)
+    parts = (by_peak * case.sigma) ** 2
+    variance = parts.sum(axis=1)
+    peak_deviation = np.sqrt(variance)
+    grown = (np.abs(forces) + worst).max(axis=0)
+    return ForceTolerance(
+        "gradient",
+        case.names,
+        tuple(direction.unit for direction in case.directions),
+        np.array([direction.nominal for direction in case.directions]),
+        case.sigma,
+        np.asarray(case.motion.time),
+        forces,
+        deviation,
+        forces - TWO_SIDED * deviation,
+        forces + TWO_SIDED * deviation,
+        worst,
+        peak,
+        peak,
+        peak_deviation,
+        peak + ONE_SIDED * peak_deviation,
+        np.append(grown, grown.max()),
+        by_peak,
+        parts / np.where(variance > 0, variance, 1.0)[:, None],
+        case.worst,
+    )
+
+
+def _peaks(forces: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return peaks of A, B, C and of all (4,), and their derivatives (4, P)."""
+    at = np.abs(forces).argmax(axis=0)
+    each = forces[at, range(3)]
+    by_each = (gradients[:, at, range(3)] * np.sign(each)).T  # (3, P)
+    largest = int(np.abs(each).argmax())
+    return np.append(np.abs(each), np.abs(each[largest])), np.vstack([by_each, by_each[largest]])

@@ -11,7 +11,7 @@ from p3dof._base.checks import FloatArray
 from p3dof._base.tables import ShownInNotebook
 
 ToleranceMethod: TypeAlias = Literal["gradient", "montecarlo"]
-"""First order by exact gradients, or machines drawn at random."""
+"""First order by exact gradients, or sampled machines."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -24,7 +24,7 @@ class ForceTolerance(ShownInNotebook):
     Parameters
     ----------
     method : {"gradient", "montecarlo"}
-        First order, or machines drawn at random.
+        First order, or sampled machines.
     names, units : tuple of str
         Of the P parameters.
     nominal, sigma : ndarray, shape (P,)
@@ -55,7 +55,7 @@ class ForceTolerance(ShownInNotebook):
     worst_sigma : float
         How many standard deviations the worst case is.
     peaks : ndarray, shape (M, 4), optional
-        The peaks of each machine drawn [N]; NaN where it cannot make the motion.
+        The peaks of each sampled machine [N]; NaN where it cannot perform the motion.
     drawn : ndarray, shape (M, P), optional
         By how much the parameters of each were off, in SI units.
     """
@@ -91,12 +91,12 @@ class ForceTolerance(ShownInNotebook):
 
     @property
     def machines(self) -> int:
-        """How many machines were drawn."""
+        """How many machines were sampled."""
         return 0 if self.peaks is None else len(self.peaks)
 
     @property
     def impossible(self) -> int:
-        """How many of them cannot make the motion: they are left out of all means and bounds."""
+        """How many of them cannot perform the motion: they are left out of all means and bounds."""
         return 0 if self.peaks is None else int(np.isnan(self.peaks[:, 3]).sum())
 
 
@@ -112,7 +112,7 @@ class PoseTolerance(ShownInNotebook):
     Parameters
     ----------
     method : {"gradient", "montecarlo"}
-        First order, or machines drawn at random whose closures are solved.
+        First order, or sampled machines whose closures are solved.
     names : tuple of str
         Of the P parameters: ``R.a``, ``r.a``, ``L.a``, ``encoder.a`` and so on.
     sigma : ndarray, shape (P,)
@@ -135,7 +135,7 @@ class PoseTolerance(ShownInNotebook):
     worst_sigma : float
         How many standard deviations the worst case is.
     errors : ndarray, shape (M, ..., 3), optional
-        The errors of each machine drawn [m, m, rad]; NaN where it does not assemble.
+        The errors of each sampled machine [m, m, rad]; NaN where it does not assemble.
     drawn : ndarray, shape (M, P), optional
         By how much the parameters of each were off [m].
     """
@@ -163,7 +163,7 @@ class PoseTolerance(ShownInNotebook):
 
     @property
     def machines(self) -> int:
-        """How many machines were drawn."""
+        """How many machines were sampled."""
         return 0 if self.errors is None else len(self.errors)
 
     @property

@@ -1,4 +1,11 @@
-"""`sensitivity`: which parameters of a machine a figure of its forces depends on."""
+"""`sensitivity`: which parameters of a machine a figure of its forces depends on.
+
+Sobol' indices of anything: matched samples, block by block, and what shares of the variance they show.
+
+Rows of Saltelli's scheme: two independent points A and B, and for each variable A with that one number of B.
+Jansen's estimators, with standard errors of the ratios; see Saltelli et al., Comput. Phys. Commun. 181 (2010)
+259.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +18,16 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.blocks import Distribution, FunctionProblem, LogUniform, Normal, Uniform, digest
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base import blocks
+from p3dof._base.blocks.problem import whole
+from p3dof._base.checks import FloatArray, Progress, Readable, as_floats, shown
 from p3dof._base.errors import InputError, ParameterError
 from p3dof._base.tables import ShownInNotebook
-from p3dof.analysis.designs.columns import BodiesOfDesigns, Designs
+from p3dof._base.time_series.wrenches import Load, WrenchOverTime
+from p3dof.analysis.designs.columns import QUANTITIES, BodiesOfDesigns, Designs
 from p3dof.analysis.designs.evaluation import DesignEvaluation
 from p3dof.analysis.designs.figures import BITS, FIGURES
-from p3dof.analysis.designs.names import QUANTITIES
-from p3dof.analysis.designs.status import DesignStatus
+from p3dof.analysis.designs.results import DesignStatus
 from p3dof.analysis.tolerances.directions import (
     AnyMachine,
     Direction,
@@ -30,12 +38,202 @@ from p3dof.analysis.tolerances.directions import (
     parameters_of,
 )
 from p3dof.analysis.tolerances.draws import Draws
-from p3dof.analysis.tolerances.sobol import MatchedSamples, OnMissing, SobolIndices, sobol_indices
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
 from p3dof.machine.motion import Motion
-from p3dof.machine.motion.wrenches import Load, WrenchOverTime
 from p3dof.machine.parameters import Parameters
+
+OnMissing: TypeAlias = Literal["raise", "drop"]
+"""Refuse results that are missing, or leave out the rows that they are in."""
+
+_MOST_ROWS = 2**28
+_NORMAL = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class MatchedSamples(Readable):
+    """The samples that Sobol' indices need, as a sampling of `p3dof.blocks.FunctionProblem`.
+
+    Item i belongs to row i // (d + 2), and is its point A, its point B, or A with one number of B.
+
+    Parameters
+    ----------
+    variables : mapping of str to Distribution
+        How each of the d variables is spread, independent of the others.
+    rows : int
+        How many rows, each d + 2 items; a power of two fills the ranges best.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    """
+
+    variables: Mapping[str, blocks.Distribution]
+    rows: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "variables", dict(self.variables))
+        whole("rows", self.rows, 2, _MOST_ROWS)
+        blocks.Samples(self.variables, self.count)  # checks names and distributions
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.variables)
+
+    @property
+    def width(self) -> int:
+        """Items of a row."""
+        return len(self.variables) + 2
+
+    @property
+    def count(self) -> int:
+        """How many items there are."""
+        return self.rows * self.width
+
+    def settings(self) -> dict[str, Any]:
+        """Return what the columns depend on, besides the seed."""
+        variables = {name: item.settings() for name, item in self.variables.items()}
+        return {"kind": "matched", "order": list(self.names), "variables": variables, "rows": self.rows}
+
+    def draw(self, block: blocks.Block) -> dict[str, FloatArray]:
+        """Return the columns of a block."""
+        first, last = block.start // self.width, (block.stop - 1) // self.width + 1
+        doubled = {
+            f"{half}{i}": blocks.Uniform(0.0, 1.0) for half in "ab" for i in range(len(self.variables))
+        }
+        points = blocks.Samples(doubled, self.rows, "sobol").draw(
+            blocks.Block(block.number, first, last, block.seed)
+        )
+        items = np.arange(block.start, block.stop)
+        row, place = items // self.width - first, items % self.width
+        columns = {}
+        for i, (name, spread) in enumerate(self.variables.items()):
+            of_b = (place == 1) | (place == i + 2)
+            columns[name] = spread.at(np.where(of_b, points[f"b{i}"][row], points[f"a{i}"][row]))
+        return columns
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SobolIndices(ShownInNotebook):
+    """Which variables the variance of a result comes from.
+
+    Parameters
+    ----------
+    result, unit : str
+        What varies, and its unit.
+    names : tuple of str
+        Of the d variables.
+    first : ndarray, shape (d,)
+        S1: share of the variance that goes away, on average, when this variable is known.
+    total : ndarray, shape (d,)
+        ST: share that is left when all others are known; it has the interactions.
+    first_error, total_error : ndarray, shape (d,)
+        Half widths of their 95 % confidence intervals.
+    mean, deviation : float
+        Of the result.
+    low, high : float
+        Between which 95 % of all results are.
+    rows : int
+        Matched rows that were used.
+    missing_rows : int
+        Rows that were left out, as a result was missing.
+    values : ndarray, shape (2 rows,)
+        Results of independent points.
+    """
+
+    result: str
+    unit: str
+    names: tuple[str, ...]
+    first: FloatArray
+    total: FloatArray
+    first_error: FloatArray
+    total_error: FloatArray
+    mean: float
+    deviation: float
+    low: float
+    high: float
+    rows: int
+    missing_rows: int
+    values: FloatArray
+
+    def __repr__(self) -> str:
+        order = np.argsort(-self.total)[:3]
+        told = ", ".join(f"{self.names[i]} {self.total[i]:.3g}" for i in order)
+        return f"SobolIndices({self.result}: ST of {told})"
+
+
+def sobol_indices(
+    values: Any,
+    names: tuple[str, ...],
+    result: str = "result",
+    unit: str = "",
+    on_missing: OnMissing = "raise",
+) -> SobolIndices:
+    """Return Sobol' indices of the results of `MatchedSamples`.
+
+    Parameters
+    ----------
+    values : array-like, shape (rows * (d + 2),)
+        The results, in the order of the items.
+    names : tuple of str
+        Of the d variables.
+    result, unit : str
+        What the results are.
+    on_missing : {"raise", "drop"}
+        What to do with NaN and infinity: refuse with a count, or leave out whole rows. What is left out makes
+        the indices those of the possible machines only, whose variables are no longer quite independent.
+
+    Raises
+    ------
+    InputError
+        If the results do not fit the variables, some are missing, too few are left, or all are the same.
+    """
+    if on_missing not in ("raise", "drop"):
+        raise InputError(f"on_missing: expected 'raise' or 'drop', got {shown(on_missing)}")
+    width = len(names) + 2
+    flat = as_floats("values", values)
+    if flat.ndim != 1 or not names or flat.size % width or flat.size < 2 * width:
+        raise InputError(
+            f"values: expected complete rows of {width} results each, two or more, got {flat.shape}"
+        )
+    rows = flat.reshape(-1, width)
+    good = np.isfinite(rows).all(axis=1)
+    if not good.all():
+        gone, left_out = int((~np.isfinite(rows)).sum()), int((~good).sum())
+        if on_missing == "raise":
+            raise InputError(
+                f"values: {gone} of {flat.size} results are missing; on_missing='drop' leaves out "
+                f"the {left_out} of {len(rows)} matched rows that they are in"
+            )
+        if good.sum() < 2:
+            raise InputError(f"values: results are missing in {left_out} of {len(rows)} matched rows")
+    return _indices(rows[good], names, result, unit, len(rows) - int(good.sum()))
+
+
+def _indices(rows: FloatArray, names: tuple[str, ...], result: str, unit: str, missing: int) -> SobolIndices:
+    count = len(rows)
+    a, b, mixed = rows[:, :1], rows[:, 1:2], rows[:, 2:]
+    both = rows[:, :2].ravel(order="F")
+    mean = float(both.mean())
+    square = ((a - mean) ** 2 + (b - mean) ** 2) / 2
+    variance = float(square.mean())
+    if not variance > 0:
+        raise InputError(f"values: all results are the same, {mean:g}: there is no variance to share")
+    shares, errors = [], []
+    for point in (b, a):
+        gap = (point - mixed) ** 2 / 2
+        share = gap.mean(axis=0) / variance
+        influence = (gap - share * square) / variance
+        shares.append(share)
+        errors.append(_NORMAL * influence.std(axis=0, ddof=1) / np.sqrt(count))
+    low, high = np.quantile(both, [0.025, 0.975])
+    return SobolIndices(
+        result, unit, names, 1 - shares[0], shares[1], errors[0], errors[1], mean,
+        float(both.std(ddof=1)), float(low), float(high), count, missing, both,
+    )  # fmt: skip
+
 
 SensitivityMethod: TypeAlias = Literal["sobol", "gradient"]
 """Shares of the variance over ranges, or exact derivatives at the machine."""
@@ -84,36 +282,17 @@ class LocalSensitivity(ShownInNotebook):
 
 @dataclass(frozen=True, eq=False)
 class FigureOfMachines:
-    """One figure of machines over a motion, as a function of columns of parameters.
+    """One figure of machines over a motion, as a function of columns of parameters."""
 
-    Parameters
-    ----------
-    machine : Parameters
-        The nominal machine.
-    motion : Motion
-        What it does.
-    directions : tuple of Direction
-        What varies; columns have their names, and numbers (not deviations) in SI units.
-    figure : str
-        A figure of `p3dof.DesignForces`; of three actuators the largest, or that of one: ``peak_force_a``.
-    bodies : {"kept", "solids"}
-        Where bodies come from.
-    wrench : ndarray, optional
-        External load at the samples.
-    level : str
-        Of the kernels.
-    fixed : mapping of str to float
-        Numbers that are not those of the machine, such as sizes of its solids.
-    """
-
-    machine: Parameters
-    motion: Motion
+    machine: Parameters  # the nominal machine
+    motion: Motion  # what it does
     directions: tuple[Direction, ...]
-    figure: str
-    bodies: BodiesOfDesigns
-    wrench: Any
-    level: str
-    fixed: Mapping[str, float]
+    """What varies; columns have their names, and numbers (not deviations) in SI units."""
+    figure: str  # a figure of `DesignForces`; of three actuators the largest, or that of one: `peak_force_a`
+    bodies: BodiesOfDesigns  # where bodies come from
+    wrench: Any  # external load at the samples
+    level: str  # of the kernels
+    fixed: Mapping[str, float]  # numbers that are not those of the machine, such as sizes of its solids
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_evaluation"}
@@ -133,7 +312,7 @@ class FigureOfMachines:
         return DesignEvaluation(self.motion, self.wrench, groups, gradients, self.level, 1)
 
     def compute(self, columns: Mapping[str, FloatArray]) -> dict[str, NDArray[Any]]:
-        """Return the figure of each machine by its name: NaN for machines that cannot make the motion."""
+        """Return the figure of each machine by its name: NaN for machines that cannot perform the motion."""
         moved = np.stack([columns[each.name] - each.nominal for each in self.directions], axis=1)
         found = self._evaluation.evaluate(self._designs(moved))
         values = getattr(found, self.plain)
@@ -154,7 +333,7 @@ class FigureOfMachines:
         designs = self._designs(np.zeros((1, len(self.directions))))
         found = self._asking(by).evaluate(designs)
         if found.status[0] != DesignStatus.FEASIBLE:
-            raise InputError(f"robot: the nominal machine cannot make the motion: {found.reason(0)}")
+            raise InputError(f"robot: the nominal machine cannot perform the motion: {found.reason(0)}")
         values = np.atleast_1d(getattr(found, self.plain)[0])
         place = int(values.argmax()) if self.figure == self.plain else "abc".index(self.figure[-1])
         slopes = {name: float(np.atleast_1d(found.gradients[name][self.plain][0])[place]) for name in by}
@@ -209,7 +388,7 @@ def sensitivity(
     rows : int
         Matched rows of machines, each as many as there are variables and two; a power of two is best.
     on_missing : {"raise", "drop"}
-        What to do where machines cannot make the motion: refuse with a count, or leave out their whole rows.
+        Where machines cannot perform the motion: refuse with a count, or leave out their whole rows.
     seed : int
         Of the points.
     folder : path-like, optional
@@ -221,22 +400,12 @@ def sensitivity(
     progress : callable, optional
         Called with the number of machines done and of all.
 
-    Returns
-    -------
-    SobolIndices or LocalSensitivity
-
     Raises
     ------
     InputError
-        If an argument does not fit, or machines cannot make the motion.
+        If an argument does not fit, or machines cannot perform the motion.
     SweepError, FileError
         As `sweep`.
-
-    Examples
-    --------
-    >>> import p3dof
-    >>> ranges = dict.fromkeys(("r", "R", "L", "rod_radius"), "10 %")
-    >>> p3dof.sensitivity(p3dof.SOLIDS, p3dof.paper_motion(201), ranges, bodies="solids")
     """
     if method not in get_args(SensitivityMethod):
         raise InputError(f"method: expected 'sobol' or 'gradient', got {shown(method)}")
@@ -260,7 +429,7 @@ def sensitivity(
         return LocalSensitivity(figure, unit, value, names, units, nominal, gradient)
     spreads = {each.name: spread_of(each, value) for each, value in zip(directions, values, strict=True)}
     sampling = MatchedSamples(spreads, rows)
-    problem = FunctionProblem(sampling, asked.compute, (figure,), _about(asked), BLOCK)
+    problem = blocks.FunctionProblem(sampling, asked.compute, (figure,), _about(asked), BLOCK)
     draws = Draws(0, seed, "normal", folder, resume, client, progress)
     found = draws.columns(draws.made(problem, (figure,)), (figure,))[:, 0]
     return sobol_indices(found, names, figure, unit, on_missing)
@@ -275,17 +444,17 @@ def _known(figure: Any) -> str:
     raise InputError(f"figure: expected one of {there}, or that of one actuator (_a), got {shown(figure)}")
 
 
-_SPREADS: dict[str, Callable[..., Distribution]] = {
-    "uniform": Uniform,
-    "normal": Normal,
-    "log-uniform": LogUniform,
+_SPREADS: dict[str, Callable[..., blocks.Distribution]] = {
+    "uniform": blocks.Uniform,
+    "normal": blocks.Normal,
+    "log-uniform": blocks.LogUniform,
 }
 
 
-def spread_of(direction: Direction, value: Any) -> Distribution:
+def spread_of(direction: Direction, value: Any) -> blocks.Distribution:
     """Return how a parameter is spread: a distribution, a share about its number, or a range."""
     where = f"variables: {direction.name}"
-    if isinstance(value, Distribution):
+    if isinstance(value, blocks.Distribution):
         return value
     quantity = QUANTITIES[direction.name]
     if isinstance(value, list | tuple):
@@ -303,7 +472,7 @@ def spread_of(direction: Direction, value: Any) -> Distribution:
             told = str(error.args[0]).removeprefix(f"{where}: ")
             raise InputError(f"{where}: {told}") from error
     half = amount_of(value, direction.nominal, quantity, where)
-    return Uniform(direction.nominal - half, direction.nominal + half)
+    return blocks.Uniform(direction.nominal - half, direction.nominal + half)
 
 
 def _about(asked: FigureOfMachines) -> dict[str, Any]:
@@ -312,7 +481,7 @@ def _about(asked: FigureOfMachines) -> dict[str, Any]:
         "machine": asked.machine.to_dict(),
         "bodies": asked.bodies,
         "fixed": dict(asked.fixed),
-        "motion": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
-        "wrench": None if asked.wrench is None else digest(asked.wrench),
+        "motion": blocks.digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
+        "wrench": None if asked.wrench is None else blocks.digest(asked.wrench),
         "level": asked.level,
     }

@@ -1,23 +1,30 @@
 """Where the machine can work: closed forms over (y, θ), and what limits and margins leave of them."""
 
-from p3dof.analysis.workspace.boxes import BoxMargins, box_margins
 from p3dof.analysis.workspace.closed_forms import (
+    Aspects,
     Sizes,
     actuation_angle,
     arm,
+    aspect_range,
     determinant,
     drops,
     extents,
     height,
     lean,
     offsets,
+    reach_range,
+    stroke_range,
+    theta_of,
 )
 from p3dof.analysis.workspace.largest import Box
-from p3dof.analysis.workspace.loci import Aspects
-from p3dof.analysis.workspace.machine import Machine
-from p3dof.analysis.workspace.margins import PoseMargins, WorkspaceMargins
+from p3dof.analysis.workspace.margins import (
+    BoxMargins,
+    PoseMargins,
+    WorkspaceMachine,
+    WorkspaceMargins,
+    box_margins,
+)
 from p3dof.analysis.workspace.region import Points
-from p3dof.analysis.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
 from p3dof.analysis.workspace.tables import box_table, plain_workspace, workspace_table
 from p3dof.analysis.workspace.workspace import Workspace
 
@@ -25,11 +32,11 @@ __all__ = [
     "Aspects",
     "Box",
     "BoxMargins",
-    "Machine",
     "Points",
     "PoseMargins",
     "Sizes",
     "Workspace",
+    "WorkspaceMachine",
     "WorkspaceMargins",
     "actuation_angle",
     "arm",

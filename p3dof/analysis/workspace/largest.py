@@ -14,22 +14,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import InputError
-from p3dof.analysis.workspace.boxes import box_margins, box_pieces
+from p3dof.analysis.workspace.margins import box_margins, box_pieces
 from p3dof.analysis.workspace.region import Points, Region
 
-_LINES = {1: 161, 2: 61, 4: 21}
-"""Of the grid in each direction, by how many numbers make a box."""
+_LINES = {1: 161, 2: 61, 4: 21}  # of the grid in each direction, by how many numbers make a box
 _STARTS, _APART = 8, 2.5
 """How many boxes of the grid optima begin at, and how many lines they are apart in one number at least."""
-_SEEN, _LOOKS = 81, 17
-"""Points in each direction at which a condition is looked at over all, and in each box."""
+_SEEN, _LOOKS = 81, 17  # points in each direction at which a condition is looked at over all, and in each box
 _PRECISION = 1e-13
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Readable):
     """A box of poses: any y, z, θ of these ranges at once.
 
     Parameters
@@ -61,29 +59,15 @@ class Box:
 
 
 class _Family(NamedTuple):
-    """Boxes by few numbers: their ends (y0, y1, θ0, θ1) are linear in these.
+    """Boxes by few numbers: their ends (y0, y1, θ0, θ1) are linear in these."""
 
-    Parameters
-    ----------
-    by : ndarray, shape (4, k)
-        Ends by numbers.
-    ends : ndarray, shape (4,)
-        Where all numbers are 0.
-    low, high : ndarray, shape (k,)
-        Bounds of the numbers.
-    first, last : ndarray, shape (k,)
-        Between which boxes are that have poses in them.
-    flat : bool
-        Whether the area in (y, z) counts, at a given range of θ, and not the volume.
-    """
-
-    by: FloatArray
-    ends: FloatArray
-    low: FloatArray
+    by: FloatArray  # (4, k): ends by numbers
+    ends: FloatArray  # (4,): where all numbers are 0
+    low: FloatArray  # (k,): bounds of the numbers
     high: FloatArray
-    first: FloatArray
+    first: FloatArray  # (k,): between which boxes are that have poses in them
     last: FloatArray
-    flat: bool
+    flat: bool  # whether the area in (y, z) counts, at a given range of θ, and not the volume
 
     def boxes(self, numbers: FloatArray) -> FloatArray:
         """Return the ends of boxes (..., 4) of numbers (..., k)."""
@@ -91,28 +75,7 @@ class _Family(NamedTuple):
 
 
 def largest_box(region: Region, points: Points, tilt: tuple[float, float] | None, symmetric: bool) -> Box:
-    """Return the box of the largest volume, or of the largest area for one range of θ.
-
-    Parameters
-    ----------
-    region : Region
-        Stroke, tilt, margins and a condition.
-    points : Points
-        Those of the region: boxes begin where they are.
-    tilt : tuple of two floats, optional
-        From and to [rad]; the best ones without it.
-    symmetric : bool
-        Of the boxes |y| ≤ Y, |θ| ≤ Θ only.
-
-    Returns
-    -------
-    Box
-
-    Raises
-    ------
-    InputError
-        If there is no such box.
-    """
+    """Return the box of the largest volume, or of the largest area for one range of θ."""
     family = _family(region, points, tilt, symmetric)
     numbers, step = _grid(family)
     boxes = family.boxes(numbers)

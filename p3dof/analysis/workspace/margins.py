@@ -1,25 +1,67 @@
-"""What is demanded of the poses of a workspace, and how far poses are from each demand."""
+"""What is demanded of the poses of a workspace, and how far poses are from each demand.
+
+What a box of poses leaves, in closed form: nothing is sampled.
+
+Two facts make boxes exact. ℓC grows with θ wherever det J keeps home's sign, since ∂ℓC/∂θ is the arm of
+det J, and falls with |y|; ℓA and ℓB depend on y alone and have one maximum each, where their leg is vertical.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, batch_of, frozen_array
+from p3dof._base.checks import FloatArray, Readable, batch_of, frozen_array
 from p3dof._base.errors import InputError
-from p3dof.analysis.workspace.closed_forms import Sizes, extents, inclination, offsets, signed_root
-from p3dof.analysis.workspace.machine import Machine
-from p3dof.analysis.workspace.slices import aspect_range
-from p3dof.machine.parameters import LEGS, Limits
+from p3dof._base.samples import OnInvalid
+from p3dof.analysis.workspace.closed_forms import (
+    Sizes,
+    aspect_range,
+    extents,
+    inclination,
+    larger,
+    offsets,
+    signed_root,
+    smaller,
+)
+from p3dof.machine.parameters import LEGS, Limits, Parameters
+from p3dof.methods import Method
 
-HORIZON = np.pi
-"""Largest tilt that a workspace may have, to each side [rad]: beyond, the platform would turn over."""
+
+class WorkspaceMachine(Protocol):
+    """What the workspace is asked of: `p3dof.Manipulator`."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """The machine."""
+
+    def jacobian(self, pose: ArrayLike, *, on_invalid: OnInvalid = ..., method: Method = ...) -> FloatArray:
+        """Return ∂(λA, λB, λC)/∂(y, z, θ) (..., 3, 3)."""
+
+    def forces(
+        self,
+        pose: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        on_invalid: OnInvalid = ...,
+        method: Method = ...,
+    ) -> FloatArray:
+        """Return the actuator forces (..., 3) [N]."""
+
+    def indices(self, pose: ArrayLike, length: float | None = ..., **options: Any) -> Any:
+        """Return performance indices at poses: `p3dof.Indices`."""
+
+
+HORIZON = np.pi  # largest tilt of a workspace, to each side [rad]: beyond, the platform would turn over
 
 
 @dataclass(frozen=True)
-class WorkspaceMargins:
+class WorkspaceMargins(Readable):
     """What is demanded of the poses of a workspace beside stroke and tilt; nothing by default.
 
     Parameters
@@ -63,7 +105,7 @@ class WorkspaceMargins:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseMargins:
+class PoseMargins(Readable):
     """How far poses are from what bounds a workspace: positive inside, negative outside.
 
     Parameters
@@ -116,7 +158,9 @@ class PoseMargins:
         return np.asarray(np.where(np.isnan(self.tilt), "not finite", found))
 
 
-def pose_margins(machine: Machine, limits: Limits, margins: WorkspaceMargins, pose: ArrayLike) -> PoseMargins:
+def pose_margins(
+    machine: WorkspaceMachine, limits: Limits, margins: WorkspaceMargins, pose: ArrayLike
+) -> PoseMargins:
     """Return how far poses are from limits and margins; `Workspace.margin` has the arguments."""
     poses = batch_of("pose", pose, 3)
     poses = np.where(np.isfinite(poses).all(axis=-1, keepdims=True), poses, np.nan)
@@ -142,26 +186,9 @@ def pose_margins(machine: Machine, limits: Limits, margins: WorkspaceMargins, po
 
 
 def demands(
-    machine: Machine, limits: Limits, margins: WorkspaceMargins, poses: FloatArray
+    machine: WorkspaceMachine, limits: Limits, margins: WorkspaceMargins, poses: FloatArray
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return what the demanded velocities and accelerations leave of the limits of speed and force.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    limits : Limits
-        Of its actuators.
-    margins : WorkspaceMargins
-        The demands.
-    poses : ndarray, shape (..., 3)
-        The poses.
-
-    Returns
-    -------
-    speed, force : ndarray, shape (..., 3), or None
-        [m/s, N]; None where nothing is demanded, NaN out of reach and where the machine is singular.
-    """
+    """Return what demanded rates leave of speed and force [m/s, N]; None if not demanded, NaN if singular."""
     if margins.velocity is None and margins.acceleration is None:
         return None, None
     J = machine.jacobian(poses, on_invalid="nan", method="compiled")
@@ -185,3 +212,104 @@ def _actuation(sizes: Sizes, y: FloatArray, theta: FloatArray, beta: FloatArray)
     lower, upper = (end.reshape(y.shape) for end in aspect_range(sizes, y.ravel()))
     beyond = np.minimum(theta - lower, upper - theta)  # NaN where no θ is in reach
     return np.where((beyond < 0) & (angle > 0), beyond, angle)
+
+
+class BoxPieces(NamedTuple):
+    """What a box of poses depends on, each of it smooth where no end of the box passes 0."""
+
+    highest: tuple[Any, ...]
+    """Largest and least S + r sinθ of legs over the box [m]: of A, B and C the largest; of A, of B and of
+    C two each, of which the lesser one counts."""
+    lowest: tuple[Any, ...]
+    serial: tuple[Any, ...]  # S/L of the legs at the ends of the box
+    actuation: tuple[Any, ...]  # angles from det J = 0 [rad]
+
+
+class BoxMargins(NamedTuple):
+    """What a box y0 ≤ y ≤ y1, θ0 ≤ θ ≤ θ1 leaves of stroke, and how far it stays from singularities."""
+
+    height: Any
+    """Largest height in z that the stroke leaves a box of all these y and θ [m]. It is less than the least
+    H(y, θ), for which z would have to follow y and θ. Exact where `serial` and `actuation` are
+    positive."""
+    serial: Any  # least S/L of the three legs over the box; negative if it is out of reach
+    actuation: Any  # least angle from det J = 0 over the box [rad]; negative if the box crosses it
+    lowest: Any
+    """Least and largest ℓ of any leg over the box [m]: z may lie between the lower end of the travel less
+    `lowest` and its upper end less `highest`."""
+    highest: Any
+
+
+def box_margins(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any], travel: Any) -> BoxMargins:
+    """Return what boxes of poses leave: numbers or arrays that broadcast, complex ones too.
+
+    Out of reach, where optimisers may come by, the numbers go on smoothly, with `serial` negative.
+
+    Parameters
+    ----------
+    sizes : Sizes
+        Of one machine or of many.
+    y : tuple of two floats or ndarrays
+        From and to [m].
+    theta : tuple of two floats or ndarrays
+        From and to [rad]; between -π and π, and around 0 or beside it.
+    travel : float or ndarray
+        Highest less lowest slider position [m].
+    """
+    highest, lowest, serial, actuation = box_pieces(sizes, y, theta)
+    h = signed_root((sizes.L - sizes.width) * (sizes.L + sizes.width))
+    top, low = reduce(larger, highest), reduce(smaller, lowest)
+    return BoxMargins(
+        travel - (top - low), reduce(smaller, serial), reduce(smaller, actuation), low - h, top - h
+    )
+
+
+def box_pieces(sizes: Sizes, y: tuple[Any, Any], theta: tuple[Any, Any]) -> BoxPieces:
+    """Return what the margins of boxes are the least of; arguments as of `box_margins`."""
+    r, L = sizes.r, sizes.L
+    near = _within(y, 0.0)
+    tops = [_drop(L, _within((sizes.width + a, sizes.width + b), 0.0)) for a, b in (y, (-y[1], -y[0]))]
+    ends = [_drop(L, sizes.width + side * end) for side in (1, -1) for end in y]
+    corners = [(end, turned) for end in y for turned in theta]
+    low_c = [_drop_c(sizes, end, theta[0]) + r * np.sin(theta[0]) for end in y]
+    return BoxPieces(
+        (*tops, _drop_c(sizes, near, theta[1]) + r * np.sin(theta[1])),
+        (*ends, *low_c),
+        tuple(drop / L for drop in (*ends, *(_drop_c(sizes, *corner) for corner in corners))),
+        (*(np.pi / 2 - _lean(sizes, *corner) for corner in corners), *_below(sizes, near, theta)),
+    )
+
+
+def _within(y: tuple[Any, Any], place: Any) -> Any:
+    """Return the place of a range that is nearest to another."""
+    return smaller(larger(place, y[0]), y[1])
+
+
+def _drop(L: Any, extent: Any) -> Any:
+    return signed_root((L - extent) * (L + extent))
+
+
+def _drop_c(sizes: Sizes, y: Any, theta: Any) -> Any:
+    wc = sizes.R - sizes.r * np.cos(theta)
+    return signed_root((sizes.L - y) * (sizes.L + y) - wc * wc)
+
+
+def _lean(sizes: Sizes, y: Any, theta: Any) -> Any:
+    return theta + inclination(sizes.R - sizes.r * np.cos(theta), _drop_c(sizes, y, theta))
+
+
+def _below(sizes: Sizes, near: Any, theta: tuple[Any, Any]) -> tuple[Any, Any, Any]:
+    """Return the angles from det J = 0 on the side of negative θ + β.
+
+    Over y, θ + β grows with |y|. Over θ it has one minimum, where slider C is as high as P: there
+    S_C = -r sinθ, cosθ = (R² + r² - u²) / (2 R r).
+    """
+    r, R, L = sizes
+    low, high = theta
+    first, last = _lean(sizes, near, low), _lean(sizes, near, high)
+    cosine = (R * R + r * r - (L - near) * (L + near)) / (2 * R * r)
+    exists = np.abs(np.real(cosine)) < 1
+    lowest = -np.arccos(np.where(exists, cosine, 0.0))
+    inside = exists & (np.real(lowest) > np.real(low)) & (np.real(lowest) < np.real(high))
+    least = np.where(inside, _lean(sizes, near, lowest), first)
+    return np.pi / 2 + first, np.pi / 2 + last, np.pi / 2 + least

@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof.analysis.workspace.closed_forms import Sizes, height, offsets
+from p3dof.analysis.workspace.closed_forms import (
+    Sizes,
+    aspect_range,
+    height,
+    offsets,
+    reach_range,
+    stroke_range,
+    theta_of,
+)
 from p3dof.analysis.workspace.margins import HORIZON, WorkspaceMargins
-from p3dof.analysis.workspace.slices import aspect_range, reach_range, stroke_range, theta_of
 from p3dof.machine.parameters import Limits
 
 Condition: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
@@ -22,68 +29,34 @@ Switches: TypeAlias = Callable[[FloatArray], FloatArray]
 
 _SEARCHED = 65
 """Points of a range at which a condition is looked at: what begins and ends between two of them is missed."""
-_ACROSS = 257
-"""The same for y."""
+_ACROSS = 257  # the same for y
 _HALVINGS = 44
 _PANELS, _MORE, _POINTS = 4, 24, 10
 """Panels of each smooth piece of y, where a condition may have kinks of its own, and Gauss points in each."""
-_ALONG = 20
-"""Gauss points along each smooth piece of a range of θ."""
+_ALONG = 20  # Gauss points along each smooth piece of a range of θ
 
 
 class Ranges(NamedTuple):
-    """Ranges of one variable in rows of another; a row may have any number of them.
+    """Ranges of one variable in rows of another; a row may have any number of them."""
 
-    Parameters
-    ----------
-    row : ndarray of int, shape (n,)
-        To which row each belongs.
-    low, high : ndarray, shape (n,)
-        Their ends.
-    """
-
-    row: NDArray[np.intp]
-    low: FloatArray
+    row: NDArray[np.intp]  # (n,): to which row each belongs
+    low: FloatArray  # (n,): their ends
     high: FloatArray
 
 
 class Points(NamedTuple):
-    """Points in (y, θ), and weights by which values there sum up to integrals.
+    """Points in (y, θ), and weights by which values there sum up to integrals."""
 
-    Parameters
-    ----------
-    y, theta : ndarray, shape (n,)
-        The points [m, rad].
-    area : ndarray, shape (n,)
-        Weights for an integral over dy dθ [m rad].
-    volume : ndarray, shape (n,)
-        Weights for an integral over dy dz dθ [m² rad]: the same times the height H.
-    """
-
-    y: FloatArray
+    y: FloatArray  # (n,): the points [m, rad]
     theta: FloatArray
-    area: FloatArray
-    volume: FloatArray
+    area: FloatArray  # (n,): weights for an integral over dy dθ [m rad]
+    volume: FloatArray  # (n,): weights for an integral over dy dz dθ [m² rad]: the same times the height H
 
 
 def ranges_where(
     condition: Condition, rows: FloatArray, low: FloatArray, high: FloatArray, samples: int = _SEARCHED
 ) -> Ranges:
-    """Return where a condition holds between ends in each row, exact to rounding.
-
-    Parameters
-    ----------
-    condition : callable
-        Of the row's number and the variable.
-    rows, low, high : ndarray, shape (n,)
-        The rows, and the ends of the variable in each; NaN for rows that have none.
-    samples : int
-        Points at which it is looked at first.
-
-    Returns
-    -------
-    Ranges
-    """
+    """Return where a condition holds between ends in each row, exact to rounding."""
     t = np.linspace(0, 1, samples)
     grid = low[:, None] + (high - low)[:, None] * t
     good = _holds(condition, np.broadcast_to(rows[:, None], grid.shape), grid)
@@ -120,19 +93,7 @@ def _border(
 
 
 class Region:
-    """Poses (y, θ) of home's aspect within stroke, tilt and margins, and a further condition.
-
-    Parameters
-    ----------
-    sizes : Sizes
-        Of the machine.
-    limits : Limits
-        Stroke and tilt.
-    margins : WorkspaceMargins
-        From the singularities; the others are up to `condition`.
-    condition : callable, optional
-        What must hold besides.
-    """
+    """Poses (y, θ) of home's aspect within stroke, tilt and margins, and a further condition."""
 
     def __init__(
         self, sizes: Sizes, limits: Limits, margins: WorkspaceMargins, condition: Condition | None = None

@@ -10,26 +10,15 @@ import numpy as np
 
 from p3dof._base.errors import InputError
 from p3dof._base.tables import NONE, Cell, Table, html_of, notebook_html, table_of
+from p3dof.analysis.workspace.closed_forms import loci
 from p3dof.analysis.workspace.largest import Box
-from p3dof.analysis.workspace.loci import loci
 from p3dof.analysis.workspace.workspace import Workspace
 
-_POINTS = 101
-"""Of each locus in JSON."""
+_POINTS = 101  # of each locus in JSON
 
 
 def workspace_table(space: Workspace) -> Table:
-    """Return areas and volume of a workspace.
-
-    Parameters
-    ----------
-    space : Workspace
-        Whose.
-
-    Returns
-    -------
-    Table
-    """
+    """Return areas and volume of a workspace."""
     rows = {
         "volume in y, z, θ": (space.volume, "m² rad"),
         "area in (y, θ)": (space.area_y_theta, "m rad"),
@@ -44,15 +33,7 @@ def workspace_table(space: Workspace) -> Table:
 def box_table(space: Workspace) -> Table:
     """Return the largest boxes of poses in a workspace, all of which can be taken at once.
 
-    Parameters
-    ----------
-    space : Workspace
-        Whose.
-
-    Returns
-    -------
-    Table
-        Of all boxes, and of those that are symmetric about y = 0 and θ = 0.
+    Of all boxes, and of those that are symmetric about y = 0 and θ = 0.
     """
     boxes = _boxes(space)
     spans = {name: _spans(box) for name, box in boxes.items()}
@@ -90,17 +71,7 @@ def _found(search: Callable[[], Box]) -> Box | None:
 
 
 def plain_workspace(space: Workspace) -> dict[str, Any]:
-    """Return the numbers of a workspace in SI units, ready for JSON.
-
-    Parameters
-    ----------
-    space : Workspace
-        Whose.
-
-    Returns
-    -------
-    dict
-    """
+    """Return the numbers of a workspace in SI units, ready for JSON."""
     boxes = {
         name: box and {"y": box.y, "z": box.z, "theta": box.theta, "volume": box.volume}
         for name, box in _boxes(space).items()

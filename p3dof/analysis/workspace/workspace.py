@@ -11,17 +11,21 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, as_floats, frozen_array, shown
 from p3dof._base.errors import InputError
 from p3dof._base.tables import ShownInNotebook
-from p3dof.analysis.workspace.closed_forms import Sizes, offsets
+from p3dof.analysis.workspace.closed_forms import Aspects, Sizes, aspects, loci, offsets
 from p3dof.analysis.workspace.largest import Box, largest_box
-from p3dof.analysis.workspace.loci import Aspects, aspects, loci
-from p3dof.analysis.workspace.machine import Machine
-from p3dof.analysis.workspace.margins import HORIZON, PoseMargins, WorkspaceMargins, demands, pose_margins
+from p3dof.analysis.workspace.margins import (
+    HORIZON,
+    PoseMargins,
+    WorkspaceMachine,
+    WorkspaceMargins,
+    demands,
+    pose_margins,
+)
 from p3dof.analysis.workspace.region import Condition, Points, Region
 from p3dof.machine.parameters import Limits, Parameters
 
 _NONE = WorkspaceMargins()
-_NOTHING = 1e-9
-"""Share of a workspace that a single point of the quadrature may lack."""
+_NOTHING = 1e-9  # share of a workspace that a single point of the quadrature may lack
 
 
 class Workspace(ShownInNotebook):
@@ -47,7 +51,7 @@ class Workspace(ShownInNotebook):
     """
 
     def __init__(
-        self, machine: Machine, limits: Limits | None = None, margins: WorkspaceMargins | None = None
+        self, machine: WorkspaceMachine, limits: Limits | None = None, margins: WorkspaceMargins | None = None
     ) -> None:
         if not isinstance(getattr(machine, "parameters", None), Parameters):
             raise InputError(f"machine: expected a Manipulator, got {shown(machine)}")
@@ -60,13 +64,13 @@ class Workspace(ShownInNotebook):
         self.sizes = Sizes.of(machine.parameters.geometry)
         self._region = self._where(None)
         if not self.volume > 0:
-            raise InputError(f"no pose keeps the limits and margins: {self._refusal}")
+            raise InputError(f"no pose satisfies the limits and margins: {self._refusal}")
 
     def __repr__(self) -> str:
         return f"Workspace(area {self.area_y_theta:.6g} m rad, volume {self.volume:.6g} m² rad)"
 
     @property
-    def machine(self) -> Machine:
+    def machine(self) -> WorkspaceMachine:
         """The machine."""
         return self._machine
 
@@ -88,17 +92,12 @@ class Workspace(ShownInNotebook):
         return float(self.points.volume.sum())
 
     def area(self, theta: float = 0.0) -> float:
-        """Return the area in (y, z) at a constant orientation.
+        """Return the area in (y, z) at a constant orientation [m²]; 0 where no such pose is within limits.
 
         Parameters
         ----------
         theta : float
             The orientation [rad].
-
-        Returns
-        -------
-        float
-            [m²]; 0 where no pose of this orientation is within the limits.
 
         Raises
         ------
@@ -114,17 +113,12 @@ class Workspace(ShownInNotebook):
         return float(weights @ region.height(y, np.full_like(y, turned)))
 
     def dexterous(self, tilt: float | tuple[float, float] | None = None) -> float:
-        """Return the area in (y, z) of points that are reached with every orientation of a range.
+        """Return the area in (y, z) [m²] of points that are reached with every orientation of a range, or 0.
 
         Parameters
         ----------
         tilt : float or tuple of two floats, optional
             Largest tilt to either side, or from and to [rad]; all of the limits' tilt without it.
-
-        Returns
-        -------
-        float
-            [m²]; 0 if there is no such point.
 
         Raises
         ------
@@ -177,10 +171,6 @@ class Workspace(ShownInNotebook):
             Largest tilt to either side, or from and to [rad]: the box of the largest area in (y, z) with all
             of it. Without it, the box of the largest volume, of any range of θ.
 
-        Returns
-        -------
-        Box
-
         Raises
         ------
         InputError
@@ -195,10 +185,6 @@ class Workspace(ShownInNotebook):
         ----------
         tilt : float, optional
             Θ [rad]: the box of the largest area in (y, z). Without it, that of the largest volume, of any Θ.
-
-        Returns
-        -------
-        Box
 
         Raises
         ------
@@ -223,17 +209,12 @@ class Workspace(ShownInNotebook):
     # At poses
 
     def height(self, y: ArrayLike, theta: ArrayLike) -> FloatArray:
-        """Return H(y, θ), the height in z that the stroke leaves at positions and orientations.
+        """Return H(y, θ), the height in z that the stroke leaves [m]; NaN where it is not in the region.
 
         Parameters
         ----------
         y, theta : array-like
             Position [m] and rotation [rad]; they broadcast.
-
-        Returns
-        -------
-        ndarray
-            [m]; NaN where a pose is not within the region.
 
         Raises
         ------
@@ -248,17 +229,12 @@ class Workspace(ShownInNotebook):
         return np.where(inside, self._region.height(across, turned), np.nan)
 
     def z_range(self, y: ArrayLike, theta: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return least and largest z that the stroke leaves at positions and orientations.
+        """Return least and largest z that the stroke leaves [m]; NaN where a pose is not within the region.
 
         Parameters
         ----------
         y, theta : array-like
             Position [m] and rotation [rad]; they broadcast.
-
-        Returns
-        -------
-        low, high : ndarray
-            [m]; NaN where a pose is not within the region.
         """
         inside = np.isfinite(self.height(y, theta))
         found = offsets(self.sizes, as_floats("y", y), as_floats("theta", theta))
@@ -273,10 +249,6 @@ class Workspace(ShownInNotebook):
         ----------
         pose : array-like, shape (..., 3)
             y [m], z [m], θ [rad]; a row with NaN is outside.
-
-        Returns
-        -------
-        PoseMargins
 
         Raises
         ------
@@ -297,10 +269,6 @@ class Workspace(ShownInNotebook):
         **options
             As of `Manipulator.indices`.
 
-        Returns
-        -------
-        Indices
-
         Raises
         ------
         InputError
@@ -309,7 +277,7 @@ class Workspace(ShownInNotebook):
         return self._machine.indices(pose, **{"on_invalid": "nan", "limits": self.limits, **options})
 
     def mean(self, index: str, measure: str = "volume", **options: Any) -> float:
-        """Return the mean of an index over the workspace; of ``"lci"`` it is the global conditioning index.
+        """Return the mean of an index, of ``"lci"`` the global one; NaN if a part of the workspace has none.
 
         Parameters
         ----------
@@ -319,11 +287,6 @@ class Workspace(ShownInNotebook):
             Weigh by dy dz dθ, or by dy dθ; they differ.
         **options
             As of `Manipulator.indices`.
-
-        Returns
-        -------
-        float
-            NaN if the index does not exist in a part of the workspace.
 
         Raises
         ------
@@ -339,7 +302,7 @@ class Workspace(ShownInNotebook):
         return float(weights[~bad] @ values[~bad] / weights.sum())
 
     def share(self, index: str, least: float, **options: Any) -> float:
-        """Return the share of the volume in which an index is at least a number.
+        """Return the share, 0 to 1, of the volume in which an index is at least a number.
 
         Parameters
         ----------
@@ -349,11 +312,6 @@ class Workspace(ShownInNotebook):
             The number.
         **options
             As of `Manipulator.indices`.
-
-        Returns
-        -------
-        float
-            From 0 to 1.
 
         Raises
         ------
@@ -493,7 +451,7 @@ class Workspace(ShownInNotebook):
         home = self.margin(np.zeros(3))
         reason = str(home.reason)
         if not reason:
-            return "home keeps them, but nothing keeps them at every z of the stroke"
+            return "home satisfies them, but no (y, θ) does at every z of the stroke"
         value = float(home.columns[reason])
         return f"at home the margin of {reason!r} is {value:g}"
 

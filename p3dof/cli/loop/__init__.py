@@ -1,5 +1,32 @@
-"""`p3dof loop`: any robot with closed loops on the command line."""
+"""`p3dof loop`: any robot with closed loops on the command line; nothing of the machine is loaded for it."""
 
-from p3dof.cli.loop import assemble, codegen, export, forces, info, show, simulate
+from p3dof.cli.app import Group, app
 
-__all__ = ["assemble", "codegen", "export", "forces", "info", "show", "simulate"]
+COMMANDS = {
+    "Model": {
+        "info": ("p3dof.cli.loop.robot", "Show joints, loop closures and mobility."),
+        "assemble": ("p3dof.cli.loop.robot", "Close the loops at values of the actuated joints."),
+    },
+    "Dynamics": {
+        "forces": ("p3dof.cli.loop.forces", "Compute the actuator forces over a motion."),
+        "simulate": ("p3dof.cli.loop.simulate", "Simulate a robot, under control or constant forces."),
+    },
+    "See and export": {
+        "show": ("p3dof.cli.loop.show", "Show a robot and its forces in the browser."),
+        "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF or glTF, with its loops."),
+        "codegen": ("p3dof.cli.loop.codegen", "Generate C99 code of the dynamics, loops included."),
+    },
+}
+"""As `p3dof.cli.app.COMMANDS`."""
+
+
+@app.group(cls=Group, table=COMMANDS)
+def loop() -> None:
+    """Any closed-loop robot: assembly, actuator forces, simulation, export, C code.
+
+    FILE is a URDF, URDF+ or MJCF file, or the name of a robot of example-robot-data; SIDECAR is a YAML file
+    with its loop closures and actuated joints, by default the one beside FILE.
+    """
+
+
+__all__ = ["loop"]

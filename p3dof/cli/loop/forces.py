@@ -7,48 +7,40 @@ from typing import Literal
 
 import click
 
-from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.kinds import Whole
-from p3dof.cli.loop.control import EXTERNAL, METHOD, externals
-from p3dof.cli.loop.group import loop, with_robot
-from p3dof.cli.loop.motion import Forces, forces_along
-from p3dof.cli.options import SMOOTH
-from p3dof.cli.output import print_plain, show
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof.cli.files import InputFile, console_beside, protect, source, write_results
+from p3dof.cli.kinds import SMOOTH, Whole, table_out
+from p3dof.cli.loop import loop
+from p3dof.cli.loop.robot import EXTERNAL, METHOD, externals, with_robot
+from p3dof.cli.output import print_plain, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.tables import actuators_table, motors_table
-from p3dof.machine.motion.smoothing import Smooth
-
-MOTION = click.option(
-    "--motion",
-    "motion_file",
-    type=InputFile(),
-    required=True,
-    help="Motion of the actuated joints (CSV: t and the names of all of them, each perhaps with its unit, as "
-    "in 'crank [deg]').",
-)
+from p3dof.runs.forces_along import forces_along
 
 
 @loop.command()
 @with_robot
-@MOTION
+@click.option(
+    "--motion",
+    "motion_file",
+    type=InputFile(),
+    required=True,
+    help="Motion of the actuated joints (CSV: t and their names, with units if not SI: 'crank [deg]').",
+)
 @click.option(
     "--samples",
     type=Whole(2, 100_000),
-    help="Samples of the curve through the values of the file; as many as peaks need, without it.",
+    help="Number of samples of the curve through the values of the file (by default, as many as peaks need).",
 )
 @SMOOTH
 @EXTERNAL
 @click.option(
     "--equilibrium",
     is_flag=True,
-    help="Start idle freedoms where gravity and springs let them rest; else they start at rest as assembled.",
+    help="Start uncontrolled degrees of freedom in static equilibrium; by default at rest as assembled.",
 )
 @METHOD
-@click.option(
-    "--out",
-    type=OutputFile("table", stream=True),
-    help="CSV file, - for the standard output, for joints and forces at all samples.",
-)
+@table_out("joint motion and actuator forces at all samples")
 def forces(
     robot: ClosedLoopModel,
     inputs: list[Path],
@@ -60,13 +52,13 @@ def forces(
     method: Literal["general", "compiled"],
     out: Path | None,
 ) -> int:
-    """Compute the forces of the actuated joints over a motion: peaks on the screen, all samples in a file.
+    """Compute the actuator forces of a robot over a motion: prints peaks, writes all samples.
 
-    Joints that no actuator holds move as they must. Exit code 1 when the robot cannot make the motion.
+    Uncontrolled degrees of freedom move by their dynamics. Exit code 1 when the robot cannot make the motion.
     """
     protect([*inputs, motion_file], [out])
-    found: Forces = forces_along(
-        robot, source(motion_file), samples, externals(external), equilibrium, method, smooth
+    found = forces_along(
+        robot, source(motion_file), samples, externals(external), equilibrium, method, smooth, progress_bar
     )
     written = write_results(found.to_csv, out)
     console = console_beside(out)
@@ -76,6 +68,5 @@ def forces(
         print_plain(console, remark)
     print_plain(console, f"{len(found.time)} samples of the curve through the values of the file.")
     print_plain(console, f"Largest gap {found.gap:.1e} m or rad, residual {found.residual:.1e} N or N m.")
-    for path in written:
-        print_plain(console, f"wrote {path}")
+    print_written(console, written)
     return 0

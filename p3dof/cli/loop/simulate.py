@@ -2,37 +2,56 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, Literal
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.errors import MissingExtraError
+from p3dof._base.errors import InputError
 from p3dof._base.tables import Table, number
 from p3dof.cli.app import FAILED
-from p3dof.cli.files import OutputFile, console_beside, protect, write_results
-from p3dof.cli.kinds import POSITIVE, Whole
-from p3dof.cli.loop.control import EXTERNAL, METHOD, NONE, Control, externals, with_control
-from p3dof.cli.loop.group import AT, assembled, forces_of, loop, with_robot
-from p3dof.cli.output import in_options, print_plain, print_warnings, progress_bar, say, show
-from p3dof.loops import ClosedLoopModel
-from p3dof.loops.compiling_model import ROBOT_METHODS
+from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
+from p3dof.cli.files import InputFile, console_beside, protect, save_figure_if_possible, source, write_results
+from p3dof.cli.kinds import FIGURE, POSITIVE, Whole, as_one, table_out
+from p3dof.cli.loop import loop
+from p3dof.cli.loop.robot import (
+    AT,
+    EXTERNAL,
+    assembled,
+    externals,
+    force_option,
+    forces_of,
+    numbers_of,
+    with_robot,
+)
+from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
+from p3dof.loops import ClosedLoopModel, CompiledLoop
+from p3dof.loops.compiled.kept import ROBOT_METHODS
 from p3dof.loops.tables import joint_values
 from p3dof.runs import (
     ROBOT_KINDS,
+    ControlLoop,
     Integration,
+    JointComputedTorque,
+    JointPD,
     JointReference,
     RobotController,
     RobotRun,
+    gains,
+    moved_inertia,
     simulate_robot,
 )
-from p3dof.runs.work import TIME_LIMIT
+
+NONE, PD, COMPUTED_TORQUE = "none", "pd", "computed-torque"
 
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
-_OPTIONS = {
+_WORDS = {
     "q: the run would start": "--set: the run would start",
     "(see stop_at)": "(see --limits)",
     "a longer max_step, ": "",
@@ -45,48 +64,136 @@ _MOST = 8
 """Most exceeded limits that are listed."""
 
 
+class _Saturation(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A largest force, or the word ``file``."""
+
+    name = "FORCE|file"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return True if value in ("file", True) else POSITIVE.convert(value, param, ctx)
+
+
+_OPTIONS_OF_CONTROL = (
+    click.option(
+        "--controller",
+        type=click.Choice((NONE, PD, COMPUTED_TORQUE)),
+        default=NONE,
+        show_default=True,
+        help="PD control of the actuated joints with gravity compensation, computed torque (by hybrid "
+        "dynamics where degrees of freedom are uncontrolled), or none: --actuator-force acts.",
+    ),
+    click.option(
+        "--kp",
+        help="Position gains, one or one an actuated joint, with commas: of pd [N/m, N m/rad], of "
+        "computed-torque [1/s^2]; by default from --frequency.",
+    ),
+    click.option(
+        "--kd",
+        help="Velocity gains, likewise: of pd [N s/m, N m s/rad], of computed-torque [1/s]; by default from "
+        "--frequency and --damping.",
+    ),
+    FREQUENCY,
+    DAMPING,
+    click.option(
+        "--motion",
+        "motion_file",
+        type=InputFile(),
+        help="Motion of the actuated joints to follow, as for 'loop forces'; the robot starts on it, or at "
+        "rest at --set. By default, the controller holds the initial position.",
+    ),
+    RATE,
+    click.option(
+        "--saturation",
+        type=_Saturation(),
+        metavar="FORCE|file",
+        help="Saturation of the actuator forces [N or N m], or 'file' for the effort limits in the file of "
+        "the robot; by default unlimited.",
+    ),
+    ACTUATION,
+)
+
+
+_OF_CONTROLLERS = ("kp", "kd", "frequency", "damping", "rate")
+
+
+@dataclass(frozen=True)
+class Control(Feedback):
+    """What the options say."""
+
+    controller: str  # its name
+    kp: str | None  # gains
+    kd: str | None
+    motion_file: Path | None  # what to follow
+
+    @property
+    def acting(self) -> ControlLoop:
+        """How the controller acts."""
+        if self.controller == NONE:
+            asked = click.get_current_context().get_parameter_source
+            told = [f"--{name}" for name in _OF_CONTROLLERS if asked(name) == ParameterSource.COMMANDLINE]
+            for option in (*told, *self.measuring):
+                raise InputError(f"{option}: needs a --controller")
+        return self.loop(self.controller != NONE)
+
+    def reference(self, robot: ClosedLoopModel) -> JointReference | None:
+        """Return the motion to follow."""
+        if self.motion_file is None:
+            return None
+        if self.controller == NONE:
+            raise InputError("--motion: needs a --controller that follows it")
+        if not robot.actuated:
+            raise InputError("--motion: the robot has no actuated joints")
+        return JointReference.from_csv(robot, source(self.motion_file))
+
+    def of(
+        self,
+        robot: ClosedLoopModel,
+        q: FloatArray,
+        reference: JointReference,
+        compiled: CompiledLoop | None = None,
+    ) -> JointPD:
+        """Return the controller, for a start at a configuration (nq,)."""
+        if not robot.actuated:
+            raise InputError(f"--controller {self.controller}: the robot has no actuated joints")
+        computed = self.controller == COMPUTED_TORQUE
+        own = gains(self.frequency, self.damping)
+        scale = np.ones(1) if computed or None not in (self.kp, self.kd) else moved_inertia(robot, q)
+        kp = own[0] * scale if self.kp is None else numbers_of("--kp", self.kp)
+        kd = own[1] * scale if self.kd is None else numbers_of("--kd", self.kd)
+        if computed:
+            return JointComputedTorque(robot, reference, kp, kd, compiled)
+        return JointPD(robot, reference, kp, kd, gravity=True, compiled=compiled)
+
+
 @loop.command()
 @with_robot
 @AT
-@click.option(
-    "--force",
-    "forces",
-    multiple=True,
-    metavar="JOINT=FORCE",
-    help="Constant force of an actuated joint [N or N m, or with a unit]; none without it.",
-)
-@with_control
+@force_option()
+@as_one("control", Control, *_OPTIONS_OF_CONTROL)
 @EXTERNAL
 @click.option(
     "--limits",
     type=click.Choice(tuple(_LIMITS)),
     default="stop",
     show_default=True,
-    help="What limits of joints in the robot's file do: end the run, or nothing.",
+    help="At a joint limit in the file of the robot: end the simulation, or ignore it.",
 )
-@click.option("--duration", type=POSITIVE, help="How long [s]; as the motion, or 1, without it.")
-@click.option("--samples", type=Whole(2, 1_000_000), default=1001, show_default=True, help="Samples to keep.")
 @click.option(
-    "--time-limit",
-    type=POSITIVE,
-    default=TIME_LIMIT,
-    show_default=True,
-    help="Longest time that the run may take [s], as estimated before it starts.",
+    "--duration", type=POSITIVE, help="Duration of the simulation [s]; by default that of the motion, or 1."
 )
-@METHOD
 @click.option(
-    "--out",
-    type=OutputFile("table", stream=True),
-    help="CSV file, - for the standard output, for joints, velocities, forces and energy.",
+    "--samples", type=Whole(2, 1_000_000), default=1001, show_default=True, help="Number of samples to keep."
 )
-@click.option("--multipliers", is_flag=True, help="Write the forces in the closures to the CSV file too.")
+@time_limit("the simulation")
 @click.option(
-    "--plot",
-    "--figure",
-    "figure",
-    type=OutputFile("figure"),
-    help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot').",
+    "--method",
+    type=click.Choice(list(ROBOT_METHODS)),
+    help="Dynamics by Pinocchio, or by C code compiled for the robot (needs gcc or clang); by default "
+    "compiled if the whole simulation can be.",
 )
+@table_out("joint positions, velocities, actuator forces and energy")
+@click.option("--multipliers", is_flag=True, help="Also write the closure forces to the CSV file.")
+@FIGURE
 def simulate(
     robot: ClosedLoopModel,
     inputs: list[Path],
@@ -98,23 +205,23 @@ def simulate(
     duration: float | None,
     samples: int,
     time_limit: float,
-    method: str,
+    method: Literal["general", "compiled"] | None,
     out: Path | None,
     multipliers: bool,
     figure: Path | None,
 ) -> int:
-    """Let a robot move, under a controller or constant forces of its actuators.
+    """Simulate a robot, under control or constant actuator forces.
 
-    Exit code 1 when the loops do not close at the start, or the run ends before its time.
+    Exit code 1 when the loops do not close at the start, or the simulation ends early.
     """
     protect([*inputs, *([] if control.motion_file is None else [control.motion_file])], [out, figure])
     if multipliers and out is None:
         raise click.UsageError("--multipliers needs --out")
     if forces and control.controller != NONE:
-        raise click.UsageError("--force and --controller exclude each other")
+        raise click.UsageError("--actuator-force and --controller exclude each other")
     loads, wanted = externals(external), control.reference(robot)
     q, v = _start(robot, values, wanted)
-    compile_ = ROBOT_METHODS[method]
+    compile_ = None if method is None else ROBOT_METHODS[method]
     compiled = None if compile_ is None else compile_(robot, q, loads)
     if control.controller == NONE:
         acting: RobotController = forces_of(robot, forces)
@@ -123,31 +230,32 @@ def simulate(
     if duration is None:
         duration = wanted.duration if wanted is not None and wanted.duration else 1.0
     settings = Integration(rtol=1e-9, atol=1e-11, time_limit=time_limit)
-    with in_options(_OPTIONS), progress_bar("run", samples) as progress:
+    with in_options(_WORDS), progress_bar("run", samples) as progress:
         run = simulate_robot(
             robot,
             duration,
             q,
             v,
             acting,
-            control=control.loop,
+            control=control.acting,
             external=loads,
             stop_at=_LIMITS[limits],
             samples=samples,
             integration=settings,
             progress=progress,
-            method="general" if compiled is None else compiled,
+            method=method if compiled is None else compiled,
         )
-    written = write_results(partial(run.to_csv, multipliers=multipliers), out)
-    written += _draw(run, figure)
+    written = write_results(partial(run.save, multipliers=multipliers), out)
+    written += save_figure_if_possible(lambda plots: plots.robot_run_figure(run), figure)
     console = console_beside(out)
     show(console, _table(run))
     told = [] if run.stop is None else [f"ended by {run.stop}"]
     beyond = [f"limit exceeded: {one}" for one in run.exceedances()]
     more = [f"{len(beyond) - _MOST} more limits are exceeded"] if len(beyond) > _MOST else []
     print_warnings(console, [*told, *beyond[:_MOST], *more])
-    for path in written:
-        print_plain(console, f"wrote {path}")
+    if run.note:
+        print_plain(console, run.note)
+    print_written(console, written)
     return 0 if run.finished else FAILED
 
 
@@ -166,23 +274,12 @@ def _actuated(robot: ClosedLoopModel, q: FloatArray) -> FloatArray:
     return np.array([float(held[name][0]) for name in robot.actuated])
 
 
-def _draw(run: RobotRun, path: Path | None) -> list[Path]:
-    if path is None:
-        return []
-    from p3dof.report import plots
-
-    try:
-        return [plots.save(plots.robot_run_figure(run), path)]
-    except MissingExtraError as error:
-        say(f"no figure: {error}")
-        return []
-
-
 def _table(run: RobotRun) -> Table:
     power = run.power.sum(axis=1)
     work = float(np.sum((power[1:] + power[:-1]) / 2 * np.diff(run.time)))
     rows = [
         ("time", f"{number(float(run.time[-1]))} s"),
+        ("method", run.method),
         ("energy gained", f"{number(float(run.energy[-1] - run.energy[0]))} J"),
         ("work of the actuators", f"{number(work)} J"),
         ("largest force of an actuator", f"{number(float(np.abs(run.forces).max(initial=0.0)))} N or N m"),

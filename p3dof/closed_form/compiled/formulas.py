@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives
-from p3dof._base.tracing.divisions import in_pairs
 from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.tape import in_pairs
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.reduced import MOVING, SMALLER_ZEROS, Actuated, Model, Reduced, State
-from p3dof.closed_form.compiled.reduced.friction import FRICTION, generalized_friction
+from p3dof.closed_form.compiled.reduced.dynamics import FRICTION, generalized_friction
 
 WRENCH = ("w_y", "w_z", "w_theta")
 FORCES = ("f_a", "f_b", "f_c")
@@ -37,32 +37,17 @@ MODEL = ("r", "R", "L", *GRAVITY, *Reduced._fields, *Actuated._fields)
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """A traced formula: constants of the machine and inputs of a sample to outputs.
+    """A traced formula: constants of the machine and inputs of a sample to outputs."""
 
-    Parameters
-    ----------
-    name : str
-        Its name, also in C.
-    tape : Tape
-        Its operations.
-    model : tuple of Symbol or 0
-        The 36 numbers of a machine, and of its friction where there is; zeros of symmetric bodies are the
-        number 0.
-    inputs, outputs : tuple of str
-        What a sample has, and what comes out, by name.
-    symbols : tuple of Symbol
-        The inputs on the tape.
-    results : tuple of Symbol or float
-        The outputs on the tape.
-    """
-
-    name: str
-    tape: Tape
+    name: str  # its name, also in C
+    tape: Tape  # its operations
     model: tuple[Number, ...]
-    inputs: tuple[str, ...]
+    """The 36 numbers of a machine, and of its friction where there is; zeros of symmetric bodies are the
+    number 0."""
+    inputs: tuple[str, ...]  # what a sample has, and what comes out, by name
     outputs: tuple[str, ...]
-    symbols: tuple[Symbol, ...]
-    results: tuple[Number, ...]
+    symbols: tuple[Symbol, ...]  # the inputs on the tape
+    results: tuple[Number, ...]  # the outputs on the tape
 
     @cached_property
     def constants(self) -> tuple[Symbol, ...]:
@@ -96,17 +81,7 @@ class Kernel:
         return function_of(self.tape, (*self.constants, *self.symbols), self.results, np)
 
     def operations(self, margin: bool = False) -> Counter[str]:
-        """Return how many operations a sample takes, by name; sin and cos count one each.
-
-        Parameters
-        ----------
-        margin : bool
-            Count what only the margin needs, too.
-
-        Returns
-        -------
-        Counter
-        """
+        """Return how many operations a sample takes, by name; sin and cos count one each."""
         results = self.results if margin else self.results[:-1]
         tape = self.tape
         return Counter(
@@ -116,37 +91,16 @@ class Kernel:
         )
 
     def of(self, model: Model, friction: Sequence[float] = ()) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Return the constants of a machine, (len(constants),).
+        """Return the constants of a machine, (len(constants),)."""
+        return self.of_numbers((*model.numbers, *friction))
 
-        Parameters
-        ----------
-        model : Model
-            The machine; must be symmetric if the kernel is.
-        friction : sequence of float
-            Its friction, where the kernel has some:
-            `p3dof.closed_form.compiled.reduced.friction.friction_numbers`.
-
-        Returns
-        -------
-        ndarray
-        """
-        pairs = zip(self.model, (*model.numbers, *friction), strict=True)
+    def of_numbers(self, numbers: Sequence[float]) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Return the constants of a machine by its numbers, (len(constants),)."""
+        pairs = zip(self.model, numbers, strict=True)
         return np.array(self.prepare(*(float(value) for name, value in pairs if isinstance(name, Symbol))))
 
     def of_columns(self, numbers: Sequence[Any], count: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Return the constants of many machines, (count, len(constants)); as `of`, bit for bit.
-
-        Parameters
-        ----------
-        numbers : sequence of float or ndarray, shape (count,)
-            Those of the machines, as `Model.numbers` has them.
-        count : int
-            How many machines.
-
-        Returns
-        -------
-        ndarray
-        """
+        """Return the constants of many machines, (count, len(constants)); as `of`, bit for bit."""
         pairs = zip(self.model, numbers, strict=True)
         found = self.prepare_columns(*(value for name, value in pairs if isinstance(name, Symbol)))
         table = np.empty((count, len(found)))
@@ -156,17 +110,7 @@ class Kernel:
 
 
 def is_symmetric(model: Model) -> bool:
-    """Return whether the smaller kernels serve a machine.
-
-    Parameters
-    ----------
-    model : Model
-        The machine.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the smaller kernels serve a machine."""
     return not any(number for name, number in zip(MODEL, model.numbers, strict=True) if name in SMALLER_ZEROS)
 
 
@@ -186,22 +130,7 @@ def _forward_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) ->
 
 
 def less_friction(tape: Tape, model: Model, rows: Mapping[str, Any]) -> dict[str, Symbol]:
-    """Return the wrench less what friction takes in y, z, θ.
-
-    Parameters
-    ----------
-    tape : Tape
-        Where the operations go.
-    model : Model
-        The machine.
-    rows : dict of str to Symbol
-        Pose, velocity and wrench of a sample, and the numbers of `FRICTION`.
-
-    Returns
-    -------
-    dict of str to Symbol
-        By names of `WRENCH`.
-    """
+    """Return the wrench less what friction takes in y, z, θ; by names of `WRENCH`."""
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
     numbers = [rows[name] for name in FRICTION]
     count = len(numbers) // 2
@@ -288,11 +217,9 @@ _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "limits": (_limits, (*POSE, *VELOCITY), (*_WATCHED, *(f"d{name}" for name in _WATCHED))),
 }
 
-NAMES = tuple(_FORMULAS)
-"""The kernels; all but those of `OF_LENGTHS` also exist as ``..._symmetric``."""
+NAMES = tuple(_FORMULAS)  # the kernels; all but those of `OF_LENGTHS` also exist as ``..._symmetric``
 
-OF_LENGTHS = ("kinematics", "forward_kinematics", "limits")
-"""Kernels that no body matters to."""
+OF_LENGTHS = ("kinematics", "forward_kinematics", "limits")  # kernels that no body matters to
 
 WITH_FRICTION = ("inverse_dynamics_with_friction", "forward_dynamics_with_friction")
 """Kernels whose constants are also of the friction."""
@@ -310,19 +237,7 @@ def all_kernels() -> list[Kernel]:
 
 @cache
 def kernel(name: str, symmetric: bool = False) -> Kernel:
-    """Return a kernel, traced once.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`.
-    symmetric : bool
-        For symmetric bodies and gravity along z0; those of `OF_LENGTHS` do not depend on it.
-
-    Returns
-    -------
-    Kernel
-    """
+    """Return a kernel, traced once."""
     formula, inputs, outputs = _FORMULAS[name]
     symmetric = symmetric and name not in OF_LENGTHS
     zeros: Sequence[str] = SMALLER_ZEROS if symmetric else ()

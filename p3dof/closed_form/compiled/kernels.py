@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -13,36 +13,37 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.algebra import BLOCK
+from p3dof._base.algebra import BLOCK, components
 from p3dof._base.checks import FloatArray, as_floats, shown
 from p3dof._base.errors import InputError
 from p3dof._base.threads import OneThread, in_threads, shares, slices, thread_count
+from p3dof._base.time_series.wrenches import WRENCH_ROWS
+from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof._base.tracing.python import function_of, or_nan
 from p3dof._native.sources import fingerprint, is_cut_off
+from p3dof.closed_form.compiled.evidence import NAMES as OF_EVIDENCE
+from p3dof.closed_form.compiled.evidence import evidence_kernel, numbers_of
 from p3dof.closed_form.compiled.formulas import NAMES, WITH_FRICTION, Kernel, is_symmetric, kernel
-from p3dof.closed_form.compiled.reduced import model_of
-from p3dof.closed_form.compiled.reduced.friction import friction_numbers
-from p3dof.machine.motion.wrenches import WRENCH_ROWS
-from p3dof.machine.parameters import Parameters
+from p3dof.closed_form.compiled.reduced import Model, assembled, model_of, shape, solve_transposed
+from p3dof.closed_form.compiled.reduced.dynamics import friction_numbers
+from p3dof.closed_form.kinematics import forward_kinematics
+from p3dof.closed_form.paper.formulas import Lengths
+from p3dof.closed_form.paper.friction import generalized_losses, losses_of
+from p3dof.machine.parameters import Geometry, Parameters
 
-NUMPY = "numpy"
-"""The level without the extension: blocks of arrays."""
+NUMPY = "numpy"  # the level without the extension: blocks of arrays
 
 SampleFunction: TypeAlias = Callable[..., FloatArray | None]
 """A kernel on rows of numbers of one sample; see `MachineKernels.sample`."""
 
-SHARE = 32_768
-"""Samples that are worth a thread of their own."""
+SHARE = 32_768  # samples that are worth a thread of their own
 
 
 def levels() -> tuple[str, ...]:
     """Return what the kernels can run on here, the slowest first.
 
-    Returns
-    -------
-    tuple of str
-        ``"numpy"``, and where the extension was built ``"baseline"`` and what the processor has of
-        ``"avx2"`` and ``"avx512"``.
+    ``"numpy"``, and where the extension was built ``"baseline"`` and what the processor has of ``"avx2"`` and
+    ``"avx512"``.
     """
     compiled = _extension()
     return (NUMPY,) if compiled is None else (NUMPY, *compiled.levels)
@@ -51,15 +52,7 @@ def levels() -> tuple[str, ...]:
 def in_words() -> str:
     """Return what new kernels run on in this process, and why if that is not the extension.
 
-    Returns
-    -------
-    str
-        Such as ``"avx512, 2 threads"``, or ``"numpy: no compiler at installation"``.
-
-    Raises
-    ------
-    InputError
-        If the environment asks for what is not there.
+    Such as ``"avx512, 2 threads"``, or ``"numpy: no compiler at installation"``.
     """
     level, threads = _level(None), thread_count(None)
     if level != NUMPY:
@@ -109,17 +102,12 @@ class MachineKernels:
         return MachineKernels, (self.parameters, self.level, self.threads)
 
     def prepared(self, name: str) -> tuple[Kernel, FloatArray]:
-        """Return the kernel that serves this machine, and its constants.
+        """Return the kernel that serves this machine, and its constants (C,).
 
         Parameters
         ----------
         name : str
-            One of `p3dof.closed_form.compiled.formulas.NAMES`.
-
-        Returns
-        -------
-        kernel : Kernel
-        constants : ndarray, shape (C,)
+            One of `p3dof.closed_form.compiled.formulas.NAMES`, or of `evidence.NAMES`.
 
         Raises
         ------
@@ -127,15 +115,20 @@ class MachineKernels:
             If there is no such kernel.
         """
         if name not in self._prepared:
+            if name in OF_EVIDENCE:
+                found = evidence_kernel(name)
+                self._prepared[name] = found, found.of_numbers(numbers_of(self.parameters))
+                return self._prepared[name]
             if name not in NAMES:
-                raise InputError(f"kernel: expected one of {', '.join(NAMES)}, got {shown(name)}")
+                known = ", ".join((*NAMES, *OF_EVIDENCE))
+                raise InputError(f"kernel: expected one of {known}, got {shown(name)}")
             found = kernel(name, self.symmetric)
             friction = friction_numbers(self.parameters.friction) if name in WITH_FRICTION else ()
             self._prepared[name] = found, found.of(self.model, friction)
         return self._prepared[name]
 
     def run(self, name: str, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray | None]) -> bool:
-        """Compute the outputs of many samples.
+        """Compute the outputs of many samples; whether every sample's margin is positive.
 
         Parameters
         ----------
@@ -145,11 +138,6 @@ class MachineKernels:
             One column an input of the kernel, with any strides.
         outputs : sequence of ndarray, shape (N,)
             Where to write; the last one, the margin, may be None.
-
-        Returns
-        -------
-        bool
-            Whether every sample's margin is positive.
         """
         used, constants = self.prepared(name)
         compiled = _extension()
@@ -166,10 +154,6 @@ class MachineKernels:
         ----------
         name : str
             The kernel.
-
-        Returns
-        -------
-        callable
         """
         if name not in self._functions:
             used, constants = self.prepared(name)
@@ -217,12 +201,7 @@ class MachineKernels:
         return found
 
     def bind_inverse_dynamics(self) -> BoundInverseDynamics:
-        """Return the inverse dynamics bound to buffers, for a control loop.
-
-        Returns
-        -------
-        BoundInverseDynamics
-        """
+        """Return the inverse dynamics bound to buffers, for a control loop."""
         return BoundInverseDynamics(self)
 
 
@@ -295,22 +274,7 @@ class BoundInverseDynamics:
         return False
 
     def __call__(self, state: ArrayLike) -> FloatArray:
-        """Return the forces of a state, (3,): a view that the next call overwrites; NaN if it is not good.
-
-        Parameters
-        ----------
-        state : array-like, shape (3, 3)
-            Pose, velocity and acceleration.
-
-        Returns
-        -------
-        ndarray, shape (3,)
-
-        Raises
-        ------
-        InputError
-            If the shape does not fit, or another thread uses it.
-        """
+        """Return the forces of a state, (3,): a view that the next call overwrites; NaN if it is not good."""
         self._mine.check()
         given = as_floats("state", state)
         if given.shape != (3, 3):
@@ -327,21 +291,7 @@ def _no_sample(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFuncti
 def on_arrays(
     used: Kernel, constants: FloatArray, inputs: Sequence[FloatArray], outputs: Sequence[FloatArray | None]
 ) -> bool:
-    """Run a kernel on NumPy, block by block; arguments and result as of `MachineKernels.run`.
-
-    Parameters
-    ----------
-    used : Kernel
-        What to compute.
-    constants : ndarray, shape (C,)
-        Of the machine.
-    inputs, outputs : sequence of ndarray, shape (N,)
-        Columns.
-
-    Returns
-    -------
-    bool
-    """
+    """Run a kernel on NumPy, block by block; arguments and result as of `MachineKernels.run`."""
     numbers, good = constants.tolist(), True
     with np.errstate(all="ignore"):  # what is out of reach is told by the margin
         for block in slices(len(inputs[0]), BLOCK):
@@ -396,3 +346,107 @@ def _level(level: str | None) -> str:
     if wanted not in levels():
         raise InputError(f"{name}: expected one of {', '.join(levels())}, got {shown(wanted)}")
     return str(wanted)
+
+
+_Function = Callable[..., tuple[Any, ...]]
+
+
+def losses(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the forces of y, z, θ that friction takes [N, N, N m]."""
+    return _on_blocks(_losses(parameters), pose, velocity, 3).T
+
+
+def loss_derivatives(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return how friction moves the actuator forces with pose and velocity: J⁻ᵀ ∂d/∂(x, ẋ)."""
+    found = _on_blocks(_loss_derivatives(parameters), pose, velocity, 18)
+    return np.ascontiguousarray(found.reshape(6, 3, -1).transpose(2, 1, 0))
+
+
+def loss_by_lengths(
+    parameters: Parameters, pose: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the actuator forces against friction, J⁻ᵀ d, and how they change with r, R and L."""
+    found = _on_blocks(_loss_by_lengths(parameters), pose, velocity, 12)
+    rows = found.reshape(3, 4, -1).transpose(2, 0, 1)
+    return np.ascontiguousarray(rows[..., 0]), np.ascontiguousarray(rows[..., 1:])
+
+
+def losses_of_state(parameters: Parameters) -> Callable[..., tuple[float, ...]]:
+    """Return friction of a state (pose 3, velocity 3) as forces of y, z, θ [N, N, N m]; NaN out of reach."""
+    return or_nan(straight_line(_formula(parameters), 6), 3)
+
+
+@lru_cache(maxsize=64)
+def _losses(parameters: Parameters) -> _Function:
+    return straight_line(_formula(parameters), 6, np)
+
+
+def _formula(parameters: Parameters) -> Callable[..., Sequence[Number]]:
+    lengths, friction = Lengths.of(parameters.geometry), losses_of(parameters.friction)
+
+    def formula(tape: Tape, *x: Symbol) -> Sequence[Number]:
+        return generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
+
+    return formula
+
+
+@lru_cache(maxsize=64)
+def _loss_derivatives(parameters: Parameters) -> _Function:
+    lengths, friction, model = (
+        Lengths.of(parameters.geometry),
+        losses_of(parameters.friction),
+        model_of(parameters),
+    )
+
+    def formula(tape: Tape, *x: Symbol) -> Sequence[Number]:
+        lost = generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
+        where = shape(model, x[0], x[2], tape)
+        columns = zip(*derivatives(lost, x), strict=True)
+        return [entry for column in columns for entry in solve_transposed(where, column)]
+
+    return straight_line(formula, 6, np)
+
+
+@lru_cache(maxsize=64)
+def _loss_by_lengths(parameters: Parameters) -> _Function:
+    g, friction = parameters.geometry, losses_of(parameters.friction)
+    own = model_of(parameters).numbers
+
+    def formula(tape: Tape, *symbols: Symbol) -> Sequence[Number]:
+        r, R, L, *x = symbols
+        lengths = Lengths(r, R, L, g.b, tape.sqrt((L - (R - r)) * (L + (R - r))))
+        lost = generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
+        where = shape(Model.of_numbers((r, R, L, *own[3:])), x[0], x[2], tape)
+        forces = solve_transposed(where, lost)
+        rows = zip(forces, derivatives(forces, (r, R, L)), strict=True)
+        return [entry for force, row in rows for entry in (force, *row)]
+
+    function = straight_line(formula, 9, np)
+    return lambda *x: function(g.r, g.R, g.L, *x)
+
+
+def _on_blocks(function: _Function, pose: FloatArray, velocity: FloatArray, width: int) -> FloatArray:
+    found = np.empty((width, len(pose)))
+    with np.errstate(all="ignore"):  # out of reach is told elsewhere
+        for start in range(0, len(pose), BLOCK):
+            block = slice(start, start + BLOCK)
+            for row, values in zip(found, function(*pose[block].T, *velocity[block].T), strict=True):
+                row[block] = values
+    return found
+
+
+def pose_at(geometry: Geometry, sliders: FloatArray) -> FloatArray:
+    """Return the pose in the working mode at slider positions; ndarray, shape (3,): y [m], z [m], θ [rad]."""
+    *pose, margin = _assembly(geometry)(*sliders.tolist())
+    return np.array(pose) if margin > 0 else forward_kinematics(geometry, sliders)
+
+
+@lru_cache(maxsize=64)
+def _assembly(geometry: Geometry) -> Callable[..., tuple[float, ...]]:
+    model = Model.of_numbers((geometry.r, geometry.R, geometry.L, *33 * (0,)))
+
+    def formula(tape: Tape, *sliders: Symbol) -> Sequence[Number]:
+        pose, margin = assembled(model, (sliders[0], sliders[1], sliders[2]), tape)
+        return [*pose, margin]
+
+    return or_nan(straight_line(formula, 3), 4)

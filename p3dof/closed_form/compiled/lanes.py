@@ -1,6 +1,6 @@
 """Formulas for many runs at once: every lane has a machine of its own, one controller's model serves all.
 
-As the kernels of `p3dof.closed_form.compiled.formulas`, without margins, traced for `p3dof.codegen.lanes`.
+As the kernels of `p3dof.closed_form.compiled.formulas`, without margins, traced for `p3dof.codegen.batch`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from p3dof._base.algebra import Vector
 from p3dof._base.checks import FloatArray
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives
-from p3dof._base.tracing.divisions import in_pairs
 from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.tape import in_pairs
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import (
     ACCELERATION,
@@ -28,7 +28,7 @@ from p3dof.closed_form.compiled.formulas import (
     less_friction,
 )
 from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Model, Shape, State
-from p3dof.closed_form.compiled.reduced.friction import FRICTION
+from p3dof.closed_form.compiled.reduced.dynamics import FRICTION
 
 SLIDERS = ("slide_a", "slide_b", "slide_c")
 SPEEDS = ("speed_a", "speed_b", "speed_c")
@@ -47,20 +47,7 @@ class LaneKernel(Kernel):
         return function_of(self.tape, given, self.constants, np)
 
     def columns(self, model: Sequence[FloatArray], count: int) -> FloatArray:
-        """Return the constants of many machines, shape (count, C).
-
-        Parameters
-        ----------
-        model : sequence of 36 ndarray, shape (count,)
-            The numbers of the machines, as in `Model.numbers`; those of `FRICTION` after them where the
-            kernel has friction.
-        count : int
-            How many machines.
-
-        Returns
-        -------
-        ndarray
-        """
+        """Return the constants of many machines, shape (count, C)."""
         pairs = zip(self.model, model, strict=True)
         with np.errstate(all="ignore"):  # what is no machine is told where the run starts
             found = self.prepare_columns(*(value for name, value in pairs if isinstance(name, Symbol)))
@@ -173,31 +160,17 @@ _FORMULAS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
     "inverse": (_inverse, (*_STATE, *ACCELERATION), FORCES),
     "inverse_with_friction": (_inverse_with_friction, (*_STATE, *ACCELERATION), FORCES),
 }
-NAMES = tuple(_FORMULAS)
-"""The kernels; those of the machine first."""
+NAMES = tuple(_FORMULAS)  # the kernels; those of the machine first
 OF_BODIES = ("motion", "motion_with_friction", "inverse", "inverse_with_friction")
 """Those that have a smaller form for symmetric bodies."""
-WITH_FRICTION = ("motion_with_friction", "inverse_with_friction")
-"""Those whose constants are also of the friction."""
+WITH_FRICTION = ("motion_with_friction", "inverse_with_friction")  # with constants of friction too
 OF_CONTROLLER = ("assembly", "torque", "inverse", "inverse_with_friction")
 """Those of a controller's model, the same in all lanes."""
 
 
 @cache
 def lane_kernel(name: str, symmetric: bool = False) -> LaneKernel:
-    """Return a kernel, traced once.
-
-    Parameters
-    ----------
-    name : str
-        One of `NAMES`.
-    symmetric : bool
-        For symmetric bodies and gravity along z0.
-
-    Returns
-    -------
-    LaneKernel
-    """
+    """Return a kernel, traced once."""
     formula, inputs, outputs = _FORMULAS[name]
     symmetric = symmetric and name in OF_BODIES
     zeros: Sequence[str] = SMALLER_ZEROS if symmetric else ()

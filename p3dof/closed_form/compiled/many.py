@@ -24,14 +24,7 @@ _SIZES = {
     "bound": 4,
     "side": 1,
     "x": 6,
-    "gain": 3,
-    "damping": 3,
-    "share": 3,
-    "base": 3,
-    "wanted": 3,
-    "rate": 3,
-    "cut": 3,
-    "count": 3,
+    **dict.fromkeys(("gain", "damping", "share", "base", "wanted", "rate", "cut", "count"), 3),
     "sigma": 2,
     "lag": 3,
 }
@@ -42,25 +35,15 @@ def _slices(sizes: dict[str, int]) -> dict[str, slice]:
     return {name: slice(end - size, end) for (name, size), end in zip(sizes.items(), ends, strict=True)}
 
 
-INPUTS = _slices(_SIZES)
-"""Where the numbers of a run are in a row of inputs."""
+INPUTS = _slices(_SIZES)  # where the numbers of a run are in a row of inputs
 
 INPUT_WIDTH = sum(_SIZES.values())
 
 RESULTS = _slices(
     {
-        "stop": 1,
-        "time": 1,
-        "pose": 3,
-        "velocity": 3,
-        "peak_error": 3,
-        "rms_error": 3,
-        "peak_force": 3,
-        "rms_force": 3,
-        "work": 1,
-        "energy": 1,
-        "careful": 1,
-        "samples": 1,
+        **dict.fromkeys(("stop", "time"), 1),
+        **dict.fromkeys(("pose", "velocity", "peak_error", "rms_error", "peak_force", "rms_force"), 3),
+        **dict.fromkeys(("work", "energy", "careful", "samples"), 1),
     }
 )
 """Where the numbers of a run are in a row of results."""
@@ -70,64 +53,34 @@ RESULT_WIDTH, HISTORY_WIDTH = 24, 13
 FINISHED, ACCURACY, CONTROLLER, START, NOWHERE = -1, 12, 13, 14, 15
 """Why a run ended, besides the twelve limits."""
 
-FEEDBACK, TORQUE = 0, 1
-"""Kinds of controllers."""
+FEEDBACK, TORQUE = 0, 1  # kinds of controllers
 
-MOST_LATE, MOST_STEPS = 16, 4096
-"""Most whole periods that forces may be late, and steps of a tick."""
+MOST_LATE, MOST_STEPS = 16, 4096  # most whole periods that forces may be late, and steps of a tick
 
 
 @dataclass(frozen=True, eq=False)
 class Engine:
-    """What is the same for all runs: how they are cut into steps, the controller, what acts.
+    """What is the same for all runs: how they are cut into steps, the controller, what acts."""
 
-    Parameters
-    ----------
-    tick, end : float
-        Period of the controller, or of a step where there is none; how long runs are [s].
-    lengths : ndarray, shape (S,)
-        Of the steps of a tick [s].
-    changes : ndarray of int64, shape (S,)
-        Whether forces change at the beginning of a step; 2 at the tick itself where they are late by a part
-        of a period.
-    near : float
-        Below which share of its length that a leg hangs down a run goes on carefully.
-    rtol, atol : float
-        Of the integrator of such runs.
-    kind : int
-        `FEEDBACK` or `TORQUE`.
-    flags : dict of str to bool
-        ``noisy``, ``counting``, ``differencing``, ``lagging``, ``integrating``, ``model_symmetric``,
-        ``continuous``.
-    whole : int
-        Whole periods that forces are late.
-    every : int
-        A row of a history every so many ticks.
-    table : ndarray, shape (N, 9), optional
-        What the controller follows, a row a tick.
-    model : tuple of ndarray
-        Constants of the controller's model, for `TORQUE`: assembly, torque, inverse.
-    reference : ndarray, shape (N + 1, 3), optional
-        Poses that errors are counted from.
-    loads : ndarray, shape (N, S, 3, 3), optional
-        F_y, F_z, M_y at beginning, middle and end of each step.
-    """
-
-    tick: float
+    tick: float  # period of the controller, or of a step where there is none; how long runs are [s]
     end: float
-    lengths: FloatArray
+    lengths: FloatArray  # (S,): of the steps of a tick [s]
     changes: NDArray[np.int64]
-    near: float
-    rtol: float
+    """(S,): whether forces change at the beginning of a step; 2 at the tick itself where they are late by
+    a part of a period."""
+    near: float  # below which share of its length that a leg hangs down a run goes on carefully
+    rtol: float  # of the integrator of such runs
     atol: float
-    kind: int = FEEDBACK
+    kind: int = FEEDBACK  # `FEEDBACK` or `TORQUE`
     flags: dict[str, bool] = field(default_factory=dict)
-    whole: int = 0
-    every: int = 1
-    table: FloatArray | None = None
+    """`noisy`, `counting`, `differencing`, `lagging`, `integrating`, `model_symmetric`, `continuous`."""
+    whole: int = 0  # whole periods that forces are late
+    every: int = 1  # a row of a history every so many ticks
+    table: FloatArray | None = None  # (N, 9): what the controller follows, a row a tick
     model: tuple[FloatArray, ...] = ()
-    reference: FloatArray | None = None
-    loads: FloatArray | None = None
+    """Constants of the controller's model, for `TORQUE`: assembly, torque, inverse."""
+    reference: FloatArray | None = None  # (N + 1, 3): poses that errors are counted from
+    loads: FloatArray | None = None  # (N, S, 3, 3): f_y, F_z, M_y at beginning, middle and end of each step
 
     @property
     def ticks(self) -> int:
@@ -151,29 +104,7 @@ class Engine:
         wide: bool = True,
         friction: bool = False,
     ) -> None:
-        """Run machines in time.
-
-        Parameters
-        ----------
-        level : str
-            Of the extension.
-        symmetric : bool
-            Whether the bodies of all are symmetric, and their constants those of the smaller kernel.
-        inputs : ndarray, shape (R, INPUT_WIDTH)
-            The runs.
-        results : ndarray, shape (R, RESULT_WIDTH)
-            Where to write; runs that were cancelled write nothing.
-        cancel : ndarray of int64, shape (1,)
-            Not zero: stop soon.
-        noise : ndarray, shape (R, N, 6), optional
-            Normal numbers, a row a tick.
-        history : ndarray, shape (R, rows, HISTORY_WIDTH), optional
-            Where to write the states on the way.
-        wide : bool
-            Many lanes at once; else one run after the other.
-        friction : bool
-            Whether their joints have friction, and their constants are those of that kernel.
-        """
+        """Run machines in time."""
         flags = [int(self.flags.get(name, False)) for name in _FLAGS]
         late = self.whole > 0 or bool((self.changes == 2).any())
         ring = self.whole + 2 if late else 1
@@ -193,17 +124,7 @@ _FLAGS = ("noisy", "counting", "differencing", "lagging", "integrating", "model_
 
 
 def empty_inputs(count: int) -> FloatArray:
-    """Return rows of inputs that stand still under no force.
-
-    Parameters
-    ----------
-    count : int
-        How many runs.
-
-    Returns
-    -------
-    ndarray, shape (count, INPUT_WIDTH)
-    """
+    """Return rows of inputs that stand still under no force; ndarray, shape (count, INPUT_WIDTH)."""
     rows = np.zeros((count, INPUT_WIDTH))
     rows[:, INPUTS["bound"]] = [-np.inf, np.inf, -np.inf, np.inf]
     rows[:, INPUTS["cut"]] = np.inf
@@ -214,19 +135,7 @@ def empty_inputs(count: int) -> FloatArray:
 def set_machines(rows: FloatArray, model: tuple[Any, ...], symmetric: bool) -> FloatArray:
     """Write the constants of machines into rows of inputs, whose starts are set; return cos(θ + β) there.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (R, INPUT_WIDTH)
-        Where to write.
-    model : tuple of numbers or ndarray, shape (R,)
-        The 36 of `Model.numbers`; and those of `FRICTION` where joints have friction.
-    symmetric : bool
-        Whether all are symmetric.
-
-    Returns
-    -------
-    ndarray, shape (R,)
-        Its sign is the side of the singular pose; NaN out of reach.
+    Its sign is the side of the singular pose; NaN out of reach.
     """
     count, place = len(rows), lane_kernel("place")
     lengths_and_bodies = model[: len(MODEL)]

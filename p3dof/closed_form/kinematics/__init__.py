@@ -11,7 +11,6 @@ from p3dof.closed_form.kinematics.bodies import (
     motion_at,
 )
 from p3dof.closed_form.kinematics.forward import forward_kinematics
-from p3dof.closed_form.kinematics.gate import Placed, holdable, reachable, reachable_poses
 from p3dof.closed_form.kinematics.inverse import (
     JOINTS,
     InverseKinematics,
@@ -21,7 +20,7 @@ from p3dof.closed_form.kinematics.inverse import (
     joint_coordinates,
     singularity,
 )
-from p3dof.closed_form.kinematics.validity import Singularity
+from p3dof.closed_form.kinematics.validity import Placed, Singularity, holdable, reachable, reachable_poses
 
 __all__ = [
     "JOINTS",

@@ -19,10 +19,10 @@ from p3dof._base.algebra import (
     transpose,
     vector_array,
 )
-from p3dof._base.checks import FloatArray, batch_of
+from p3dof._base.checks import FloatArray, Readable, batch_of
 from p3dof._base.samples import OnInvalid
-from p3dof.closed_form.kinematics.gate import Placed, reachable
 from p3dof.closed_form.kinematics.inverse import joint_coordinates, paper_angles
+from p3dof.closed_form.kinematics.validity import Placed, reachable
 from p3dof.closed_form.paper.formulas import Rates, accelerations, velocities
 from p3dof.closed_form.paper.recursion import Frame, body_axes, frames
 from p3dof.machine.motion.states import states_of
@@ -30,7 +30,7 @@ from p3dof.machine.parameters import Geometry
 
 
 @dataclass(frozen=True, eq=False)
-class BodyMotion:
+class BodyMotion(Readable):
     """How one body stands and moves, in the axes of the fixed frame.
 
     Parameters
@@ -57,17 +57,12 @@ class BodyMotion:
     epsilon: FloatArray
 
     def at(self, point: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return position, velocity and acceleration of a point of the body.
+        """Return position, velocity, acceleration of a point of the body, (..., 3), in the fixed frame [SI].
 
         Parameters
         ----------
         point : array-like, shape (..., 3)
             The point in the `Body` frame [m]: one for all samples, or one for each.
-
-        Returns
-        -------
-        position, velocity, acceleration : ndarray, shape (..., 3)
-            In the fixed frame [m, m/s, m/s²].
 
         Raises
         ------
@@ -83,7 +78,7 @@ class BodyMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class MechanismMotion:
+class MechanismMotion(Readable):
     """The whole mechanism in motion.
 
     Parameters
@@ -123,10 +118,6 @@ def mechanism_motion(
     on_invalid : {"raise", "nan"}
         Raise for samples out of reach or not finite, or leave NaN in their rows.
 
-    Returns
-    -------
-    MechanismMotion
-
     Raises
     ------
     ReachError, InputError
@@ -157,7 +148,7 @@ def motion_at(geometry: Geometry, placed: Placed) -> MechanismMotion:
 
 
 def closure_error(geometry: Geometry, motion: MechanismMotion) -> FloatArray:
-    """Return how far the loops of a motion are open: the left sides of (6) less the right ones.
+    """Return how far the loops are open, by (6) the largest of left less right sides, shape (...) [m].
 
     Parameters
     ----------
@@ -165,11 +156,6 @@ def closure_error(geometry: Geometry, motion: MechanismMotion) -> FloatArray:
         Lengths of the mechanism.
     motion : MechanismMotion
         The motion.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        The largest of the three gaps [m].
     """
     r, L, b = geometry.r, geometry.L, geometry.b
     ends = (

@@ -9,12 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.algebra import BLOCK, components, matrix_array, vector_array
-from p3dof._base.checks import FloatArray, batch_of, shown
+from p3dof._base.checks import FloatArray, Readable, batch_of, shown
 from p3dof._base.errors import InputError
 from p3dof._base.outputs import checked_parts
 from p3dof._base.samples import OnInvalid
-from p3dof.closed_form.kinematics.gate import Placed, reachable
-from p3dof.closed_form.kinematics.validity import Singularity, actuation_angle, reach_margins, reached
+from p3dof.closed_form.kinematics.validity import (
+    Placed,
+    Singularity,
+    actuation_angle,
+    reach_margins,
+    reachable,
+    reached,
+)
+from p3dof.closed_form.paper import evidence
 from p3dof.closed_form.paper.formulas import Configuration, Lengths, configuration, jacobian
 from p3dof.machine.motion.states import states_of
 from p3dof.machine.parameters import Geometry
@@ -35,7 +42,7 @@ JOINTS = (
 
 
 @dataclass(frozen=True, eq=False)
-class InverseKinematics:
+class InverseKinematics(Readable):
     """Sliders and passive angles at poses.
 
     Parameters
@@ -66,10 +73,6 @@ def singularity(geometry: Geometry, pose: ArrayLike) -> Singularity:
     pose : array-like, shape (..., 3)
         y [m], z [m], θ [rad]; a row with NaN or infinity has NaN margins.
 
-    Returns
-    -------
-    Singularity
-
     Raises
     ------
     InputError
@@ -97,10 +100,7 @@ def _margins(geometry: Geometry, rows: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def inverse_kinematics(
-    geometry: Geometry,
-    pose: ArrayLike,
-    on_invalid: OnInvalid = "raise",
-    out: InverseKinematics | None = None,
+    geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise", out: InverseKinematics | None = None
 ) -> InverseKinematics:
     """Return the sliders and passive angles at poses: the closed form of (6).
 
@@ -114,10 +114,6 @@ def inverse_kinematics(
         Raise for samples out of reach, or leave NaN in their rows.
     out : InverseKinematics, optional
         An earlier result of the same shape, which is written again; NaN after an error in the poses.
-
-    Returns
-    -------
-    InverseKinematics
 
     Raises
     ------
@@ -151,24 +147,7 @@ def inverse_kinematics(
 def inverse_jacobian(geometry: Geometry, pose: ArrayLike, on_invalid: OnInvalid = "raise") -> FloatArray:
     """Return J = ∂(λA, λB, λC)/∂(y, z, θ): slider velocities are J times the pose's velocity (14).
 
-    Parameters
-    ----------
-    geometry : Geometry
-        Lengths of the mechanism.
-    pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad].
-    on_invalid : {"raise", "nan"}
-        Raise for samples out of reach, or leave NaN in their rows.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Rows A, B, C; columns y, z [1] and θ [m/rad].
-
-    Raises
-    ------
-    ReachError, InputError
-        As `inverse_kinematics`.
+    Rows A, B, C; columns y, z [1] and θ [m/rad].
     """
     return jacobian_at(reachable(geometry, states_of(pose, on_invalid=on_invalid)))
 
@@ -188,56 +167,12 @@ def joint_coordinates(
     phi32_c: FloatArray,
     phi54_c: FloatArray,
 ) -> dict[str, FloatArray]:
-    """Name the paper's coordinates (or their rates) as the joints of the URDF, with the URDF's signs.
-
-    Parameters
-    ----------
-    sliders : ndarray, shape (..., 3)
-        λ10 of A, B, C.
-    phi21_a, phi21_b, phi21_c, phi32_c, phi54_c : ndarray, shape (...)
-        The relative angles; B's axis is -x0 and T2's -y0 in the paper, +x0 and +y0 in the URDF.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (...)
-    """
-    values = (
-        sliders[..., 0],
-        phi21_a,
-        sliders[..., 1],
-        -phi21_b,
-        sliders[..., 2],
-        -phi21_c,
-        phi32_c,
-        -phi32_c,
-        phi54_c,
-        phi32_c,
-    )
+    """Name the paper's coordinates (or their rates) as the joints of the URDF, with the URDF's signs."""
+    values = evidence.in_order(components(sliders), phi21_a, phi21_b, phi21_c, phi32_c, phi54_c)
     return dict(zip(JOINTS, values, strict=True))
 
 
 def paper_angles(geometry: Geometry, x: Configuration, theta: FloatArray) -> dict[str, FloatArray]:
-    """Return the paper's relative angles φ, zero at home, in the order of `joint_coordinates`.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Lengths of the mechanism.
-    x : Configuration
-        Where the mechanism is.
-    theta : ndarray, shape (...)
-        Platform rotation [rad].
-
-    Returns
-    -------
-    dict of str to ndarray, shape (...)
-    """
-    home = np.arctan2(geometry.R - geometry.r, geometry.h)  # α of (7)
-    phi21_c = np.arctan2(x.sin_c, x.cos_c) - home
-    return {
-        "phi21_a": np.arctan2(x.sin_a, x.cos_a) - home,
-        "phi21_b": np.arctan2(x.sin_b, x.cos_b) - home,
-        "phi21_c": phi21_c,
-        "phi32_c": np.arctan2(x.sin_rod, x.cos_rod),
-        "phi54_c": theta + phi21_c,
-    }
+    """Return the paper's relative angles φ, zero at home, in the order of `joint_coordinates`."""
+    values = evidence.paper_angles(Lengths.of(geometry), x, theta, np)
+    return dict(zip(("phi21_a", "phi21_b", "phi21_c", "phi32_c", "phi54_c"), values, strict=True))

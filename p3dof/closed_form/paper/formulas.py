@@ -26,7 +26,7 @@ from p3dof.machine.parameters import Geometry
 
 
 class Lengths(NamedTuple):
-    """Lengths of the mechanism [m], numbers or symbols; see `p3dof.Geometry`."""
+    """Lengths of the mechanism [m], numbers or symbols; see `p3dof.machine.Geometry`."""
 
     r: Scalar
     R: Scalar
@@ -78,21 +78,7 @@ class Rates(NamedTuple):
 
 
 def configuration(lengths: Lengths, pose: Vector, xp: Namespace) -> Configuration:
-    """Solve the loop closures (6) for the sliders and all angles, platform below the sliders.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    pose : tuple
-        y [m], z [m], θ [rad].
-    xp : Namespace
-        Where sqrt, sin and cos come from.
-
-    Returns
-    -------
-    Configuration
-    """
+    """Solve the loop closures (6) for the sliders and all angles, platform below the sliders."""
     r, R, L, _, h = lengths
     y, z, theta = pose
     sin_theta, cos_theta = xp.sin(theta), xp.cos(theta)
@@ -118,22 +104,7 @@ def configuration(lengths: Lengths, pose: Vector, xp: Namespace) -> Configuratio
 
 
 def velocities(lengths: Lengths, x: Configuration, velocity: Vector) -> Rates:
-    """Solve the conditions of connectivity (14) for the relative velocities.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    x : Configuration
-        Where the mechanism is.
-    velocity : tuple
-        ẏ [m/s], ż [m/s], θ̇ [rad/s].
-
-    Returns
-    -------
-    Rates
-        Slider velocities [m/s], relative angular velocities [rad/s].
-    """
+    """Solve the conditions of connectivity (14) for slider [m/s] and relative angular velocities [rad/s]."""
     r, L = lengths.r, lengths.L
     dy, dz, dtheta = velocity
     w21a = dy / (L * x.cos_a)
@@ -158,24 +129,7 @@ def velocities(lengths: Lengths, x: Configuration, velocity: Vector) -> Rates:
 def accelerations(
     lengths: Lengths, x: Configuration, rates: Rates, velocity: Vector, acceleration: Vector
 ) -> Rates:
-    """Solve the conditions of connectivity (15) for the relative accelerations.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    x : Configuration
-        Where the mechanism is.
-    rates : Rates
-        Its relative velocities, from `velocities`.
-    velocity, acceleration : tuple
-        Of the pose [m/s, m/s, rad/s] and [m/s², m/s², rad/s²].
-
-    Returns
-    -------
-    Rates
-        Slider accelerations [m/s²], relative angular accelerations [rad/s²].
-    """
+    """Solve the conditions (15) for slider [m/s²] and relative angular accelerations [rad/s²]."""
     r, L = lengths.r, lengths.L
     dtheta = velocity[2]
     ddy, ddz, ddtheta = acceleration
@@ -206,20 +160,7 @@ def accelerations(
 
 
 def jacobian(lengths: Lengths, x: Configuration) -> Matrix:
-    """Return J = ∂(λA, λB, λC)/∂(y, z, θ), from (14).
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    x : Configuration
-        Where the mechanism is.
-
-    Returns
-    -------
-    tuple
-        3 × 3 [m/m, m/m, m/rad].
-    """
+    """Return J = ∂(λA, λB, λC)/∂(y, z, θ), from (14); 3 × 3 [m/m, m/m, m/rad]."""
     arm = lengths.r * x.cos_54 / x.cos_c
     return (
         (-x.sin_a / x.cos_a, 1, 0),
@@ -229,20 +170,7 @@ def jacobian(lengths: Lengths, x: Configuration) -> Matrix:
 
 
 def platform_velocity(J: Matrix, sliders: Vector) -> Vector:
-    """Solve J ẋ = λ̇ for the velocity of the pose, written out.
-
-    Parameters
-    ----------
-    J : tuple
-        From `jacobian`.
-    sliders : tuple
-        Slider velocities [m/s].
-
-    Returns
-    -------
-    tuple
-        ẏ, ż, θ̇.
-    """
+    """Solve J ẋ = λ̇ for the velocity of the pose, written out; ẏ, ż, θ̇."""
     dy = (sliders[0] - sliders[1]) / (J[0][0] - J[1][0])
     dz = sliders[0] - J[0][0] * dy
     return dy, dz, (sliders[2] - dz - J[2][0] * dy) / J[2][2]

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from p3dof._base.algebra import U1, U2, U3, Namespace, Scalar, Vector, plus, times
+from p3dof._base.algebra import U1, U2, U3, ZERO, Namespace, Scalar, Vector, plus, times
+from p3dof._base.checks import FloatArray
 from p3dof.closed_form.paper.formulas import (
     Configuration,
     Lengths,
@@ -18,7 +19,8 @@ from p3dof.closed_form.paper.formulas import (
     platform_velocity,
     velocities,
 )
-from p3dof.machine.parameters import Friction
+from p3dof.closed_form.paper.inertials import numbers
+from p3dof.machine.parameters import Actuators, Friction
 
 
 class Losses(NamedTuple):
@@ -32,17 +34,7 @@ NO_LOSSES = Losses({}, 1)
 
 
 def losses_of(friction: Friction) -> Losses:
-    """Return the coefficients of the joints that have friction; zeros become structural ones.
-
-    Parameters
-    ----------
-    friction : Friction
-        What the joints lose.
-
-    Returns
-    -------
-    Losses
-    """
+    """Return the coefficients of the joints that have friction; zeros become structural ones."""
     joints = {
         name: (friction.viscous.get(name, 0), friction.coulomb.get(name, 0)) for name in friction.joints
     }
@@ -50,18 +42,7 @@ def losses_of(friction: Friction) -> Losses:
 
 
 def lost_power(lengths: Lengths, x: Configuration, velocity: Vector, losses: Losses, xp: Namespace) -> Scalar:
-    """Return the power that friction takes at a velocity [W].
-
-    Parameters
-    ----------
-    lengths, x, velocity, losses, xp
-        As for `resistance`.
-
-    Returns
-    -------
-    number or array
-        Zero or more.
-    """
+    """Return the power that friction takes at a velocity [W]; zero or more."""
     rates = joint_rates(velocities(lengths, x, velocity), velocity)
     return power_against(resistance(lengths, x, velocity, losses, xp), rates)
 
@@ -69,18 +50,7 @@ def lost_power(lengths: Lengths, x: Configuration, velocity: Vector, losses: Los
 def generalized_losses(
     lengths: Lengths, pose: Vector, velocity: Vector, losses: Losses, xp: Namespace
 ) -> Vector:
-    """Return the forces of y, z and θ that friction takes; arguments as `actuator_forces`.
-
-    Parameters
-    ----------
-    lengths, pose, velocity, losses, xp
-        As for `actuator_forces`.
-
-    Returns
-    -------
-    tuple
-        [N, N, N m].
-    """
+    """Return the forces of y, z and θ that friction takes; arguments as `actuator_forces` [N, N, N m]."""
     x = configuration(lengths, pose, xp)
     resisting = resistance(lengths, x, velocity, losses, xp)
     y, z, theta = (
@@ -90,20 +60,7 @@ def generalized_losses(
 
 
 def joint_rates(w: Rates, velocity: Vector) -> dict[str, tuple[Scalar, ...]]:
-    """Return the rates of all joints that can have friction, up to their signs, about each of their axes.
-
-    Parameters
-    ----------
-    w : Rates
-        Relative velocities, of the machine or virtual ones.
-    velocity : tuple
-        Of the platform, which they belong to.
-
-    Returns
-    -------
-    dict of str to tuple
-        By the names of `p3dof.machine.parameters.Friction` [m/s or rad/s].
-    """
+    """Return rates [m/s or rad/s] by axes of joints that can have friction, up to signs, as in `Friction`."""
     return {
         "slide_a": (w.sliders[0],),
         "slide_b": (w.sliders[1],),
@@ -125,26 +82,7 @@ def joint_rates(w: Rates, velocity: Vector) -> dict[str, tuple[Scalar, ...]]:
 def resistance(
     lengths: Lengths, x: Configuration, velocity: Vector, losses: Losses, xp: Namespace
 ) -> dict[str, list[Scalar]]:
-    """Return what every joint with friction resists with about its axes, at a velocity of the platform.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    x : Configuration
-        Where the mechanism is.
-    velocity : tuple
-        Of the platform.
-    losses : Losses
-        Friction of the joints.
-    xp : Namespace
-        Where tanh comes from.
-
-    Returns
-    -------
-    dict of str to list
-        Against the rates of `joint_rates` [N or N m].
-    """
+    """Return each joint's friction against the rates of `joint_rates` [N or N m], at a platform velocity."""
     if not losses.joints:
         return {}
     rates = joint_rates(velocities(lengths, x, velocity), velocity)
@@ -159,20 +97,7 @@ def resistance(
 
 
 def power_against(resisting: Mapping[str, list[Scalar]], rates: Mapping[str, tuple[Scalar, ...]]) -> Scalar:
-    """Return the power against resistances at rates of the joints, which may be virtual.
-
-    Parameters
-    ----------
-    resisting : mapping of str to list
-        From `resistance`.
-    rates : mapping of str to tuple
-        From `joint_rates`.
-
-    Returns
-    -------
-    number, array or symbol
-        [W]
-    """
+    """Return the power against resistances at rates of the joints, which may be virtual [W]."""
     total: Scalar = 0
     for name, forces in resisting.items():
         for force, rate in zip(forces, rates[name], strict=True):
@@ -188,24 +113,7 @@ def forces_against(
     smoothing: Scalar,
     xp: Namespace,
 ) -> tuple[Vector, Scalar]:
-    """Return what actuators need against Coulomb friction, by virtual powers, and its power.
-
-    Parameters
-    ----------
-    lengths, x, velocity, xp
-        As for `resistance`.
-    limits : mapping of str to tuple
-        Largest force or moment against each axis of `joint_rates`, by joint [N or N m].
-    smoothing : number
-        The rate at which the friction turns its sign [m/s, rad/s].
-
-    Returns
-    -------
-    forces : tuple
-        Of A, B, C [N].
-    power : number or array
-        Power that is lost [W].
-    """
+    """Return what actuators need against Coulomb friction, by virtual powers, and its power."""
     rates = joint_rates(velocities(lengths, x, velocity), velocity)
     resisting = {
         name: [times(limit, xp.tanh(rate / smoothing)) for limit, rate in zip(each, rates[name], strict=True)]
@@ -217,3 +125,31 @@ def forces_against(
         moving = platform_velocity(J, unit)
         forces.append(power_against(resisting, joint_rates(velocities(lengths, x, moving), moving)))
     return (forces[0], forces[1], forces[2]), power_against(resisting, rates)
+
+
+class Actuation(NamedTuple):
+    """Reflected inertia [kg], balance at home [N] and its stiffness [N/m] at the sliders A, B, C."""
+
+    inertia: Vector
+    balance: Vector
+    stiffness: Vector
+
+    @property
+    def resting(self) -> Actuation:
+        """The inertia alone."""
+        return Actuation(self.inertia, ZERO, ZERO)
+
+    def force(self, leg: int, position: Scalar, acceleration: Scalar) -> Scalar:
+        """Return what an actuator gives beside the force at its nut [N]."""
+        held = plus(times(self.stiffness[leg], position), -self.balance[leg])
+        return plus(times(self.inertia[leg], acceleration), held)
+
+
+NO_ACTUATION = Actuation(ZERO, ZERO, ZERO)
+
+
+def actuation_of(actuators: Actuators, gravity: FloatArray) -> Actuation:
+    """Return the numbers of the sliders; zeros become structural ones."""
+    rows = actuators.inertia, actuators.balance_at_home(gravity), actuators.stiffness
+    inertia, balance, stiffness = (numbers(row) for row in rows)
+    return Actuation(inertia, balance, stiffness)

@@ -5,23 +5,13 @@ from __future__ import annotations
 from p3dof._base.algebra import Vector
 from p3dof._base.checks import FloatArray
 from p3dof.machine.parameters import Bodies
-from p3dof.machine.parameters.inertial import Inertial
+from p3dof.machine.parameters.body import Inertial
 
 __all__ = ["Inertial", "inertials", "numbers"]
 
 
 def inertials(bodies: Bodies) -> dict[str, Inertial]:
-    """Return the numbers of bodies as components; exact zeros become structural ones and cost nothing.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        The bodies.
-
-    Returns
-    -------
-    dict of str to Inertial
-    """
+    """Return the numbers of bodies as components; exact zeros become structural ones and cost nothing."""
     return {
         name: Inertial(
             body.mass or 0,

@@ -1,8 +1,8 @@
 """The paper's frames and its recursions (8)-(13): every body's motion, on components.
 
 Frames T_k are the paper's: `Frame.a` takes components from T_{k-1} to T_k, `Frame.a0` from T_0 to T_k.
-Motions are written in the axes of T_k, as in the paper; `body_axes` connects the frames of `p3dof.Body`
-with these.
+Motions are written in the axes of T_k, as in the paper; `body_axes` connects the frames of `Body` with
+these.
 """
 
 from __future__ import annotations
@@ -58,42 +58,12 @@ def turn(sine: Scalar, cosine: Scalar) -> Matrix:
 
 
 def slider(a: Matrix, position: Vector, speed: Scalar, acceleration: Scalar) -> Frame:
-    """Return T_1 of a leg, which only moves along z0 (9).
-
-    Parameters
-    ----------
-    a : tuple
-        a_10, the axes of T_1 in T_0.
-    position : tuple
-        r_10, of the slider's pivot [m].
-    speed, acceleration : scalar
-        v_10 [m/s] and γ_10 [m/s²].
-
-    Returns
-    -------
-    Frame
-    """
+    """Return T_1 of a leg, which only moves along z0 (9)."""
     return Frame(a, position, a, position, scale(speed, U3), scale(acceleration, U3), ZERO, ZERO)
 
 
 def attach(previous: Frame, a: Matrix, r: Vector, omega: Scalar, epsilon: Scalar) -> Frame:
-    """Go from T_{k-1} to T_k: the recursions (10)-(13).
-
-    Parameters
-    ----------
-    previous : Frame
-        T_{k-1}.
-    a : tuple
-        a_{k,k-1}, the axes of T_k in T_{k-1}.
-    r : tuple
-        r_{k,k-1}, position of the joint A_k in T_{k-1} [m].
-    omega, epsilon : scalar
-        ω_{k,k-1} [rad/s] and ε_{k,k-1} [rad/s²], about the axis z_k.
-
-    Returns
-    -------
-    Frame
-    """
+    """Go from T_{k-1} to T_k: the recursions (10)-(13)."""
     carried = apply(a, previous.omega)
     velocity = add(previous.velocity, cross(previous.omega, r))  # (12)
     acceleration = add(previous.acceleration, rigid_acceleration(previous, r))  # (13), third line
@@ -117,21 +87,7 @@ def rigid_acceleration(frame: Frame, r: Vector) -> Vector:
 
 
 def frames(lengths: Lengths, x: Configuration, v: Rates, a: Rates) -> dict[str, Frame]:
-    """Return the frame of every moving body, by link name, in the order of the paper's legs.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    x : Configuration
-        Where the mechanism is.
-    v, a : Rates
-        Its relative velocities (14) and accelerations (15).
-
-    Returns
-    -------
-    dict of str to Frame
-    """
+    """Return the frame of every moving body, by link name, in the order of the paper's legs."""
     R, L, b = lengths.R, lengths.L, lengths.b
     swing_a, swing_b = turn(x.sin_a, x.cos_a), turn(x.sin_b, x.cos_b)
     swing_c, swing_rod = turn(x.sin_c, x.cos_c), turn(x.sin_rod, x.cos_rod)
@@ -156,15 +112,7 @@ def frames(lengths: Lengths, x: Configuration, v: Rates, a: Rates) -> dict[str, 
 def body_axes(lengths: Lengths) -> dict[str, tuple[Matrix, Vector]]:
     """Return, for every link, its `Body` axes in the axes of T_k and its `Body` origin from the joint A_k.
 
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-
-    Returns
-    -------
-    dict of str to (tuple, tuple)
-        The matrix takes components from the `Body` axes to T_k; the vector is in T_k [m].
+    The matrix takes components from the `Body` axes to T_k; the vector is in T_k [m].
     """
     home = turn((lengths.R - lengths.r) / lengths.L, lengths.h / lengths.L)
     upper = product(home, A4, A3)

@@ -37,18 +37,7 @@ from p3dof._base.algebra import (
     steiner,
     subtract,
 )
-from p3dof.closed_form.paper.actuators import NO_ACTUATION, Actuation
-from p3dof.closed_form.paper.formulas import (
-    Configuration,
-    Lengths,
-    Rates,
-    accelerations,
-    configuration,
-    jacobian,
-    platform_velocity,
-    velocities,
-)
-from p3dof.closed_form.paper.friction import NO_LOSSES, Losses, joint_rates, power_against, resistance
+from p3dof.closed_form.paper import formulas, friction
 from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.closed_form.paper.recursion import Frame, body_axes, frames, rigid_acceleration
 
@@ -72,7 +61,7 @@ SLIDERS = ("slider_a", "slider_b", "slider_c")
 
 
 def actuator_forces(
-    lengths: Lengths,
+    lengths: formulas.Lengths,
     bodies: Mapping[str, Inertial],
     gravity: Vector,
     pose: Vector,
@@ -80,50 +69,28 @@ def actuator_forces(
     acceleration: Vector,
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
-    losses: Losses = NO_LOSSES,
-    actuation: Actuation = NO_ACTUATION,
+    losses: friction.Losses = friction.NO_LOSSES,
+    actuation: friction.Actuation = friction.NO_ACTUATION,
 ) -> Vector:
     """Return the actuator forces (16)-(18), on numbers, arrays or symbols; nothing is checked.
 
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    bodies : mapping of str to Inertial
-        Every moving link by its name.
-    gravity : tuple
-        Acceleration of gravity in T_0 [m/s²].
-    pose, velocity, acceleration : tuple
-        Of (y, z, θ) [m, m, rad] and per second, per second².
-    xp : Namespace
-        Where sqrt, sin and cos come from: `numpy`, `casadi`, `sympy`.
-    wrench : Wrench
-        External wrench on the platform at P.
-    losses : Losses
-        Friction of the joints.
-    actuation : Actuation
-        Reflected inertia and balance at the sliders.
-
-    Returns
-    -------
-    tuple
-        f10 of A, B, C [N].
+    f10 of A, B, C [N].
     """
     motion = pose, velocity, acceleration
     x, load = _loads(lengths, bodies, gravity, motion, xp, wrench, actuation)
-    J = jacobian(lengths, x)
-    resisting = resistance(lengths, x, velocity, losses, xp)
+    J = formulas.jacobian(lengths, x)
+    resisting = friction.resistance(lengths, x, velocity, losses, xp)
     forces = []
     for slider, unit in zip(SLIDERS, (U1, U2, U3), strict=True):
-        moving = platform_velocity(J, unit)
-        w = velocities(lengths, x, moving)
+        moving = formulas.platform_velocity(J, unit)
+        w = formulas.velocities(lengths, x, moving)
         force = load[slider].force[2] + _passive_power(load, w)
-        forces.append(plus(force, power_against(resisting, joint_rates(w, moving))))
+        forces.append(plus(force, friction.power_against(resisting, friction.joint_rates(w, moving))))
     return (forces[0], forces[1], forces[2])
 
 
 def generalized_forces(
-    lengths: Lengths,
+    lengths: formulas.Lengths,
     bodies: Mapping[str, Inertial],
     gravity: Vector,
     pose: Vector,
@@ -131,49 +98,39 @@ def generalized_forces(
     acceleration: Vector,
     xp: Namespace,
     wrench: Wrench = NO_WRENCH,
-    losses: Losses = NO_LOSSES,
-    actuation: Actuation = NO_ACTUATION,
+    losses: friction.Losses = friction.NO_LOSSES,
+    actuation: friction.Actuation = friction.NO_ACTUATION,
 ) -> Vector:
     """Return the forces of y, z and θ that the motion takes: the virtual powers of unit platform velocities.
 
     They are Jᵀ times the actuator forces, and stay finite where those do not; arguments as `actuator_forces`.
-
-    Parameters
-    ----------
-    lengths, bodies, gravity, pose, velocity, acceleration, xp, wrench, losses, actuation
-        As for `actuator_forces`.
-
-    Returns
-    -------
-    tuple
-        [N, N, N m].
     """
     motion = pose, velocity, acceleration
     x, load = _loads(lengths, bodies, gravity, motion, xp, wrench, actuation)
-    resisting = resistance(lengths, x, velocity, losses, xp)
+    resisting = friction.resistance(lengths, x, velocity, losses, xp)
     powers = []
     for unit in (U1, U2, U3):
-        w = velocities(lengths, x, unit)
+        w = formulas.velocities(lengths, x, unit)
         sliders = sum(w.sliders[k] * load[slider].force[2] for k, slider in enumerate(SLIDERS))
         power = sliders + _passive_power(load, w)
-        powers.append(plus(power, power_against(resisting, joint_rates(w, unit))))
+        powers.append(plus(power, friction.power_against(resisting, friction.joint_rates(w, unit))))
     return (powers[0], powers[1], powers[2])
 
 
 def _loads(
-    lengths: Lengths,
+    lengths: formulas.Lengths,
     bodies: Mapping[str, Inertial],
     gravity: Vector,
     motion: tuple[Vector, Vector, Vector],
     xp: Namespace,
     wrench: Wrench,
-    actuation: Actuation,
-) -> tuple[Configuration, dict[str, _Load]]:
+    actuation: friction.Actuation,
+) -> tuple[formulas.Configuration, dict[str, _Load]]:
     """Return where the mechanism is, and F_k and M_k of every body; of sliders with what drives them."""
     pose, velocity, acceleration = motion
-    x = configuration(lengths, pose, xp)
-    v = velocities(lengths, x, velocity)
-    a = accelerations(lengths, x, v, velocity, acceleration)
+    x = formulas.configuration(lengths, pose, xp)
+    v = formulas.velocities(lengths, x, velocity)
+    a = formulas.accelerations(lengths, x, v, velocity, acceleration)
     T = frames(lengths, x, v, a)
     axes = body_axes(lengths)
     own = {name: _own_load(T[name], bodies[name], axes[name], gravity) for name in T}
@@ -230,7 +187,7 @@ def _accumulate(T: Mapping[str, Frame], own: Mapping[str, _Load]) -> dict[str, _
     return load
 
 
-def _passive_power(load: Mapping[str, _Load], w: Rates) -> Scalar:
+def _passive_power(load: Mapping[str, _Load], w: formulas.Rates) -> Scalar:
     """Return the brackets of (17) but F_1: the virtual powers of all passive joints."""
     virtual = {
         "leg_a": w.w21a,

@@ -3,11 +3,17 @@
 The loads are those of `p3dof.analysis.reactions`, of elastic joints where rigid bodies leave them open.
 """
 
-from p3dof.design.bearings.catalogue import Bearing, Bearings, Guide
+from p3dof.design.bearings.catalogue import Bearing, Bearings, Guide, read_bearings
 from p3dof.design.bearings.evaluation import bearing_life
-from p3dof.design.bearings.files import read_bearings
-from p3dof.design.bearings.results import BearingLife, BearingReport, GuideLife, RodCheck
-from p3dof.design.bearings.tables import bearings_table, guides_table, rods_table
+from p3dof.design.bearings.results import (
+    BearingLife,
+    BearingReport,
+    GuideLife,
+    RodCheck,
+    bearings_table,
+    guides_table,
+    rods_table,
+)
 
 __all__ = [
     "Bearing",

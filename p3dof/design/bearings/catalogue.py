@@ -1,26 +1,40 @@
 """Bearings of the hinges and guides of the sliders, as a catalogue gives them.
 
-`p3dof.design.bearings.files` reads them from files.
+`p3dof.design.bearings.catalogue` reads them from files.
+
+Bearings files: YAML.
+
+The form of a file::
+
+    hinges:                                    # of every hinge and universal joint that `joints` leaves out
+      {name: 6001, dynamic: 5.1 kN, static: 2.4 kN, X: 0.56, Y: 1.6, e: 0.27}
+    guides:
+      {name: size 15, dynamic: 10 kN, basis: 50 km, static: 16 kN, moments: [120 Nm, 120 Nm, 150 Nm]}
+    joints:
+      hinge_left: {name: needle, dynamic: 6 kN, kind: roller}
+
+Numbers are in SI units, or have one of their own.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, shown
 from p3dof._base.errors import ParameterError
+from p3dof._base.files import Source, called, parse_yaml, read_text
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 from p3dof.analysis.reactions import JOINTS
+from p3dof.machine.parameters.machine import named, read_fields
 
 _EXPONENTS = {"ball": 3.0, "roller": 10.0 / 3.0}
-_STATIC = {"ball": (0.6, 0.5), "roller": (1.0, 0.0)}
-"""Factors of the static load, where the file has none."""
-_BASES = (50e3, 100e3)
-"""Ways for which makers of guides give the dynamic load [m]."""
+_STATIC = {"ball": (0.6, 0.5), "roller": (1.0, 0.0)}  # factors of the static load, where the file has none
+_BASES = (50e3, 100e3)  # ways for which makers of guides give the dynamic load [m]
 SLIDES = tuple(joint.name for joint in JOINTS if joint.axis == "z")
 TURNING = tuple(joint.name for joint in JOINTS if joint.axis == "y")
 _MOMENTS = "moments: expected three positive numbers, about x, y, z of the slide"
@@ -39,51 +53,25 @@ def _positive(field: str, value: Any) -> float:
     return number
 
 
-def _from_zero(field: str, value: Any) -> float:
-    number = float(frozen_array(field, value, (), ParameterError))
-    if number < 0:
-        raise ParameterError(f"{field}: expected zero or more, got {number:g}")
-    return number
-
-
 @dataclass(frozen=True)
-class Bearing:
+class Bearing(Readable):
     """A rolling bearing of a hinge.
 
     Its equivalent dynamic load is P = Fr where Fa / Fr is at most e, and X Fr + Y Fa beyond (ISO 281), the
     static one P0 = X0 Fr + Y0 Fa, at least Fr (ISO 76).
-
-    Parameters
-    ----------
-    dynamic : float
-        Basic dynamic load rating C, for a million revolutions [N].
-    static : float, optional
-        Basic static load rating C0 [N]; without it the static safety is not told.
-    kind : {"ball", "roller"}
-        Of the rolling elements: the exponent of the life is 3 or 10/3.
-    X, Y, e : float
-        Factors of the dynamic load: radial, axial, and from which share of axial load on.
-    X0, Y0 : float, optional
-        Factors of the static load; those of deep-groove ball bearings, 0.6 and 0.5, and of rollers 1 and 0,
-        without them.
-    name : str
-        What tables call it.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not physical.
     """
 
-    dynamic: float
-    static: float | None = None
-    kind: Literal["ball", "roller"] = "ball"
-    X: float = 1.0
+    dynamic: float  # basic dynamic load rating C, for a million revolutions [N]
+    static: float | None = None  # basic static load rating C0 [N]; without it the static safety is not told
+    kind: Literal["ball", "roller"] = "ball"  # of the rolling elements: the exponent of the life is 3 or 10/3
+    X: float = 1.0  # factors of the dynamic load: radial, axial, and from which share of axial load on
     Y: float = 0.0
     e: float = 0.0
     X0: float | None = None
+    """Factors of the static load; those of deep-groove ball bearings, 0.6 and 0.5, and of rollers 1 and 0,
+    without them."""
     Y0: float | None = None
-    name: str = "bearing"
+    name: str = "bearing"  # what tables call it
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -97,7 +85,7 @@ class Bearing:
             if getattr(self, item) is None:
                 set_(self, item, usual)
         for item in ("X", "Y", "e", "X0", "Y0"):
-            set_(self, item, _from_zero(item, getattr(self, item)))
+            set_(self, item, not_negative(item, getattr(self, item), ParameterError))
 
     @property
     def exponent(self) -> float:
@@ -105,17 +93,7 @@ class Bearing:
         return _EXPONENTS[self.kind]
 
     def equivalent(self, radial: FloatArray, axial: FloatArray) -> FloatArray:
-        """Return the equivalent dynamic loads P (N,) [N].
-
-        Parameters
-        ----------
-        radial, axial : ndarray, shape (N,)
-            Sizes of the loads across and along the axis [N].
-
-        Returns
-        -------
-        ndarray, shape (N,)
-        """
+        """Return the equivalent dynamic loads P (N,) [N]."""
         along = self.X * radial + self.Y * axial
         return np.where(axial <= self.e * radial, radial, along)
 
@@ -126,44 +104,21 @@ class Bearing:
 
 
 @dataclass(frozen=True)
-class Guide:
-    """The carriage of a slider on its profiled rail, or several taken as one.
+class Guide(Readable):
+    """The carriage of a slider on its profiled rail, or several taken as one."""
 
-    Parameters
-    ----------
-    dynamic : float
-        Basic dynamic load rating C [N].
-    basis : float
-        The way that it holds for: 50 or 100 km [m]; makers differ, and the rating for 50 km is 1.26 times the
-        other of ball guides.
-    moments : sequence of 3 floats
-        Moments about x, y and z of the rail that count as much as the force C [N m].
-    static : float, optional
-        Basic static load rating C0 [N].
-    kind : {"ball", "roller"}
-        Of the rolling elements.
-    centre : sequence of 3 floats
-        Of the carriage, in the slider's frame [m].
-    turn : float
-        How the rail is mounted: the angle about z by which its x axis is turned from that of the slide [rad].
-        Its z axis is that of the slide.
-    name : str
-        What tables call it.
-
-    Raises
-    ------
-    ParameterError
-        If a number is not physical, or the basis is none.
-    """
-
-    dynamic: float
+    dynamic: float  # basic dynamic load rating C [N]
     basis: float
-    moments: Sequence[float]
-    static: float | None = None
-    kind: Literal["ball", "roller"] = "ball"
-    centre: Sequence[float] = (0.0, 0.0, 0.0)
+    """The way that it holds for: 50 or 100 km [m]; makers differ, and the rating for 50 km is 1.26 times
+    the other of ball guides."""
+    moments: Sequence[float]  # moments about x, y and z of the rail that count as much as the force C [N m]
+    static: float | None = None  # basic static load rating C0 [N]
+    kind: Literal["ball", "roller"] = "ball"  # of the rolling elements
+    centre: Sequence[float] = (0.0, 0.0, 0.0)  # of the carriage, in the slider's frame [m]
     turn: float = 0.0
-    name: str = "guide"
+    """How the rail is mounted: the angle about z by which its x axis is turned from that of the slide
+    [rad]. Its z axis is that of the slide."""
+    name: str = "guide"  # what tables call it
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -190,15 +145,7 @@ class Guide:
     def parts(self, forces: FloatArray, moments: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what forces and what moments contribute to the equivalent loads: sums of sizes.
 
-        Parameters
-        ----------
-        forces, moments : ndarray, shape (N, 3)
-            On the carriage at the slider's origin, in the slide's axes [N, N m]; along z it bears nothing.
-
-        Returns
-        -------
-        forces, moments : ndarray, shape (N,)
-            Their sum is the equivalent load P [N].
+        Their sum is the equivalent load P [N].
         """
         across = forces * np.array([1.0, 1.0, 0.0])
         about = moments - np.cross(np.asarray(self.centre), across)
@@ -209,7 +156,7 @@ class Guide:
 
 
 @dataclass(frozen=True)
-class Bearings:
+class Bearings(Readable):
     """What every joint runs in.
 
     Parameters
@@ -249,3 +196,42 @@ class Bearings:
     def of(self, joint: str) -> Bearing | Guide | None:
         """Return what a joint runs in."""
         return self.joints.get(joint, self.guides if joint in SLIDES else self.hinges)
+
+
+_NUMBERS: Mapping[str, Quantity] = {
+    "dynamic": FORCE,
+    "static": FORCE,
+    "basis": LENGTH,
+    "moments": MOMENT,
+    "centre": LENGTH,
+    "turn": ANGLE,
+}
+
+
+def read_bearings(path: Source) -> Bearings:
+    """Read what the joints run in from a YAML file as above; errors as of `read_parameters`."""
+    source = called(path)
+    known = [item.name for item in fields(Bearings)]
+    data = read_fields(parse_yaml(read_text(path), source, ParameterError), source, (), known)
+    parts: dict[str, Any] = {}
+    for name, kind in (("hinges", Bearing), ("guides", Guide)):
+        if name in data:
+            parts[name] = _read(data[name], kind, f"{source}: {name}")
+    if "joints" in data:
+        where = f"{source}: joints"
+        own = read_fields(data["joints"], where, (), (*SLIDES, *TURNING))
+        parts["joints"] = {
+            name: _read(value, Guide if name in SLIDES else Bearing, f"{where}.{name}")
+            for name, value in own.items()
+        }
+    return named(source, lambda: Bearings(**parts))
+
+
+def _read(data: Any, kind: type[Any], where: str) -> Any:
+    required = ("dynamic", "basis", "moments") if kind is Guide else ("dynamic",)
+    data = read_fields(data, where, required, [item.name for item in fields(kind)])
+    values = {
+        key: _NUMBERS[key].read(value, f"{where}.{key}") if key in _NUMBERS else value
+        for key, value in data.items()
+    }
+    return named(where, lambda: kind(**values))

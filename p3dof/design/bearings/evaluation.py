@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, not_negative, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof.analysis.reactions import (
     JOINTS,
@@ -18,17 +18,12 @@ from p3dof.analysis.reactions import (
 )
 from p3dof.closed_form import kinematics
 from p3dof.design.bearings.catalogue import SLIDES, TURNING, Bearing, Bearings, Guide
-from p3dof.design.bearings.results import BearingLife, BearingReport, GuideLife, RodCheck
+from p3dof.design.bearings.results import LONG, BearingLife, BearingReport, GuideLife, RodCheck
 from p3dof.machine.parameters import Parameters
 
-_OFTEN = 0.5
-"""From which share of moments in a guide's load two carriages are recommended."""
-_SMALL = math.radians(60)
-"""Below this swing the ways of neighbouring rolling elements may not overlap."""
-_MUCH, _FEW = 0.05, 4
-"""From which share of the largest load what misfits add is told, and of how many joints."""
-_LONG = 1e5
-"""Longer lives are not told as numbers: other causes end them [h]."""
+_OFTEN = 0.5  # from which share of moments in a guide's load two carriages are recommended
+_SMALL = math.radians(60)  # below this swing the ways of neighbouring rolling elements may not overlap
+_MUCH, _FEW = 0.05, 4  # from which share of the largest load what misfits add is told, and of how many joints
 _SAFE = {"buckling": 4.0, "static": 2.0}
 _ENDS = {
     "leg_a": ("hinge_a", "loop_a"),
@@ -67,10 +62,6 @@ def bearing_life(
     rest : float
         How long the machine rests after the last sample of a cycle [s].
 
-    Returns
-    -------
-    BearingReport
-
     Raises
     ------
     SampleError
@@ -85,9 +76,7 @@ def bearing_life(
         raise SampleError(
             "reactions: a life needs a motion that the machine can make, of two samples or more"
         )
-    pause = float(frozen_array("rest", rest, ()))
-    if pause < 0:
-        raise InputError(f"rest: expected zero or more, got {pause:g}")
+    pause = not_negative("rest", rest)
     cycle = elastic.motion.duration + pause
     rates = _rates(parameters, elastic)
     of_bearings, of_guides = [], []
@@ -111,7 +100,7 @@ def _elastic(reactions: AnyReactions) -> Reactions:
         raise InputError(f"reactions: expected Reactions, got {shown(reactions)}")
     if not reactions.rests_on_stiffness:
         raise InputError(
-            f"reactions: {reactions.way!r} leaves loads open that bearings bear; ask for 'elastic' ones"
+            f"reactions: {reactions.way!r} leaves loads of the bearings undetermined; ask for 'elastic' ones"
         )
     return reactions
 
@@ -180,23 +169,7 @@ def _guide(reactions: Reactions, joint: str, guide: Guide, rate: FloatArray, cyc
 
 
 def rod_check(parameters: Parameters, reactions: Reactions, name: str, section: RodSection) -> RodCheck:
-    """Return what a leg or rod bears over a cycle.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    reactions : Reactions
-        Of the cycle.
-    name : {"leg_a", "leg_b", "rod_left", "rod_right"}
-        Which one.
-    section : RodSection
-        Its section and material.
-
-    Returns
-    -------
-    RodCheck
-    """
+    """Return what a leg or rod bears over a cycle."""
     length, mass = parameters.geometry.L, getattr(parameters.bodies, name).mass
     along = np.concatenate([reactions[joint].forces[:, 0] for joint in _ENDS[name][:1]])
     lower = _ENDS[name][1]
@@ -242,24 +215,24 @@ def _warnings(
         share = max(guide.moment_share for guide in heavy)
         names = ", ".join(guide.joint for guide in heavy)
         told.append(
-            f"{names}: up to {share:.0%} of the load comes from moments; two carriages apart on the rail "
-            "would bear them as small forces"
+            f"{names}: up to {share:.0%} of the load comes from moments; two carriages on each rail "
+            "would carry them as small forces"
         )
     small = [f"{one.joint} {math.degrees(one.swing):.3g}°" for one in bearings if one.swing < _SMALL]
     if small:
         told.append(
-            f"small oscillations ({', '.join(small)}): rolling elements may stay on ways of their own and "
-            "wear them (false brinelling); the life L10 does not know this"
+            f"small oscillations ({', '.join(small)}): rolling elements may wear the part of the raceway "
+            "that they roll on (false brinelling); the life L10 does not include this"
         )
-    if any(one.hours > _LONG for one in parts):
+    if any(one.hours > LONG for one in parts):
         told.append(
-            f"lives above {_LONG:,.0f} h are no prediction: lubrication, dirt and wear end them before"
+            f"lives above {LONG:,.0f} h are no prediction: lubrication, dirt and wear end them before"
         )
     return tuple(told)
 
 
 def _misfits(reactions: Reactions, bearings: list[BearingLife]) -> list[str]:
-    """Return what misfits of assembly add to the loads of bearings at worst, where that is much."""
+    """Return what assembly errors add to the loads of bearings at worst, where that is much."""
     added = {one.joint: reactions[one.joint].fit[:, 0][:, [0, 2]] for one in bearings}
     most = {joint: float(np.hypot(*fit.T).max()) for joint, fit in added.items()}
     large = [
@@ -270,6 +243,6 @@ def _misfits(reactions: Reactions, bearings: list[BearingLife]) -> list[str]:
     if not large:
         return []
     return [
-        f"misfits of assembly add up to {', '.join(large[:_FEW])} across the axis, which lives and safeties "
-        "do not have"
+        f"assembly errors add up to {', '.join(large[:_FEW])} across the axis, which lives and safety "
+        "factors do not include"
     ]

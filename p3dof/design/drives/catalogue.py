@@ -31,61 +31,34 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
-from p3dof._base.checks import shown
+from p3dof._base.checks import Readable, shown
 from p3dof._base.errors import DriveError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
-from p3dof.design.drives.drive import Drive
-from p3dof.design.drives.motor import Motor
-from p3dof.design.drives.transmission import Belt, Gear, Screw
-from p3dof.design.drives.winding import Winding
-from p3dof.machine.parameters.plain import read_fields
-from p3dof.machine.parameters.quantities import INERTIA, LENGTH, MOMENT, POWER, ROTATION, TIME, Quantity
+from p3dof._base.quantities import INERTIA, LENGTH, MOMENT, POWER, ROTATION, TIME, Quantity
+from p3dof.design.drives.motor import Motor, Winding
+from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
+from p3dof.machine.parameters.machine import read_fields
 
-_MOST = 5000
-"""Most drives of a catalogue: motors by gears by screws and belts."""
+_MOST = 5000  # most drives of a catalogue: motors by gears by screws and belts
 _UNITS: Mapping[str, Quantity] = {
-    "rated_torque": MOMENT,
-    "peak_torque": MOMENT,
-    "max_torque": MOMENT,
-    "brake_torque": MOMENT,
-    "drag": MOMENT,
-    "max_power": POWER,
-    "max_braking_power": POWER,
-    "max_speed": ROTATION,
-    "rated_speed": ROTATION,
-    "inertia": INERTIA,
-    "coupling_inertia": INERTIA,
+    **dict.fromkeys(("rated_torque", "peak_torque", "max_torque", "brake_torque", "drag"), MOMENT),
+    **dict.fromkeys(("max_power", "max_braking_power"), POWER),
+    **dict.fromkeys(("max_speed", "rated_speed"), ROTATION),
+    **dict.fromkeys(("inertia", "coupling_inertia"), INERTIA),
     "time_constant": TIME,
-    "lead": LENGTH,
-    "diameter": LENGTH,
-    "length": LENGTH,
+    **dict.fromkeys(("lead", "diameter", "length"), LENGTH),
 }
 _KINDS: Mapping[str, type[Any]] = {"motors": Motor, "screws": Screw, "belts": Belt, "gears": Gear}
 _CURVE = (ROTATION, MOMENT, MOMENT)
 
 
 @dataclass(frozen=True, eq=False)
-class Catalogue:
-    """Motors, gears, screws and belts to choose from.
+class Catalogue(Readable):
+    """Motors, gears, screws and belts to choose from."""
 
-    Parameters
-    ----------
-    motors : sequence of Motor
-        At least one.
-    transmissions : sequence of Screw or Belt
-        At least one.
-    gears : sequence of Gear
-        At least one; none but the direct one by default.
-
-    Raises
-    ------
-    DriveError
-        If a part is something else, one kind is missing, two parts have one name, or there are too many.
-    """
-
-    motors: Sequence[Motor]
-    transmissions: Sequence[Screw | Belt]
-    gears: Sequence[Gear] = (Gear(),)
+    motors: Sequence[Motor]  # at least one
+    transmissions: Sequence[Screw | Belt]  # at least one
+    gears: Sequence[Gear] = (Gear(),)  # at least one; none but the direct one by default
 
     def __post_init__(self) -> None:
         kinds: tuple[tuple[str, type[Any] | tuple[type[Any], ...]], ...] = (
@@ -125,10 +98,6 @@ def read_catalogue(path: Source) -> Catalogue:
     ----------
     path : path-like or stream
         The YAML file.
-
-    Returns
-    -------
-    Catalogue
 
     Raises
     ------

@@ -14,44 +14,100 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, FrozenArrays, Readable, frozen_array, not_negative, shown
 from p3dof._base.errors import DriveError
-from p3dof.design.drives.checked import above_zero
-from p3dof.design.drives.cycle import Cycle
-from p3dof.design.drives.drive import Drive
+from p3dof.design.drives.motor import above_zero
+from p3dof.design.drives.transmission import Drive
 from p3dof.machine.parameters import LEGS
 
-WHIRL, BUCKLING = 0.8, 0.5
-"""Shares of the critical speed and of Euler's load that a screw may bear."""
+
+class Moved(Protocol):
+    """Forces over a motion: an `InverseDynamics` or a `TaskForces`."""
+
+    @property
+    def possible(self) -> bool:
+        """Whether all samples are valid."""
+
+    @property
+    def time(self) -> FloatArray:
+        """Times of the samples, shape (N,) [s]."""
+
+    @property
+    def nut_forces(self) -> FloatArray:
+        """Forces of the actuators without what armatures take, shape (N, 3) [N]."""
+
+    @property
+    def slider_velocities(self) -> FloatArray:
+        """Shape (N, 3) [m/s]."""
+
+    @property
+    def slider_accelerations(self) -> FloatArray:
+        """Shape (N, 3) [m/s²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle(FrozenArrays):
+    """Forces and motion of the sliders over a cycle."""
+
+    time: FloatArray  # (N,): times, rising; two samples of one time are a step [s]
+    force: FloatArray  # (N, 3): of the sliders A, B, C: forces without reflected mass [N], [m/s], [m/s²]
+    speed: FloatArray
+    acceleration: FloatArray
+    rest: float = 0.0
+    """How long the machine rests after the last sample, with the forces that it has there at rest [s]."""
+    holding: FloatArray = None  # type: ignore[assignment]  # made below
+    """(3,): those forces [N]."""
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        time = frozen_array("time", self.time, ("N",), DriveError)
+        if len(time) < 2 or (np.diff(time) < 0).any() or time[-1] <= time[0]:
+            raise DriveError("time: expected at least two times that do not fall")
+        set_(self, "time", time)
+        for name in ("force", "speed", "acceleration"):
+            set_(self, name, frozen_array(name, getattr(self, name), (len(time), 3), DriveError))
+        set_(self, "rest", not_negative("rest", self.rest, DriveError))
+        held = self.force[-1] if self.holding is None else self.holding
+        set_(self, "holding", frozen_array("holding", held, (3,), DriveError))
+
+    @property
+    def duration(self) -> float:
+        """How long a cycle takes [s]."""
+        return float(self.time[-1] - self.time[0]) + self.rest
+
+    @property
+    def resting(self) -> FloatArray:
+        """Which intervals between samples are at rest, shape (N-1,) of 0 and 1."""
+        still = ((self.speed == 0) & (self.acceleration == 0)).all(axis=1)
+        return np.asarray((still[1:] & still[:-1]).astype(float))
+
+
+def cycle_of(found: Moved, rest: float = 0.0, holding: FloatArray | None = None) -> Cycle:
+    """Return the cycle of forces over a motion or a task."""
+    if not found.possible:
+        raise DriveError("the machine cannot perform this motion: there is nothing to size")
+    columns = found.nut_forces, found.slider_velocities, found.slider_accelerations
+    return Cycle(found.time, *columns, rest, holding)  # type: ignore[arg-type]
+
+
+WHIRL, BUCKLING = 0.8, 0.5  # shares of the critical speed and of Euler's load that a screw may bear
 _RPM = 30 / math.pi
-BRAKE_SAFETY = 1.5
-"""How much more a holding brake must hold than what it bears."""
+BRAKE_SAFETY = 1.5  # how much more a holding brake must hold than what it bears
 
 
 @dataclass(frozen=True)
 class Rating:
-    """How much of one rating an axis uses, when it uses most of it.
+    """How much of one rating an axis uses, when it uses most of it."""
 
-    Parameters
-    ----------
-    name : str
-        Such as ``"peak torque"``.
-    required, allowed : float
-        What the cycle takes, and what there is [`unit`].
-    unit : str
-        Of both.
-    time : float
-        When [s]; NaN for what belongs to the whole cycle.
-    """
-
-    name: str
-    required: float
+    name: str  # such as `"peak torque"`
+    required: float  # what the cycle takes, and what there is [`unit`]
     allowed: float
-    unit: str
-    time: float = math.nan
+    unit: str  # of both
+    time: float = math.nan  # when [s]; NaN for what belongs to the whole cycle
 
     @property
     def share(self) -> float:
@@ -62,55 +118,31 @@ class Rating:
 
 
 @dataclass(frozen=True)
-class AxisLoads:
-    """What a cycle takes of the drive of one axis.
+class AxisLoads(Readable):
+    """What a cycle takes of the drive of one axis."""
 
-    Parameters
-    ----------
-    peak_torque : float
-        Largest torque of the motor, with its sign [N m].
-    peak_time : float
-        When [s].
-    peak_inertia_share : float
-        Share of it that the turning parts take for themselves.
-    rms_torque, braked_rms_torque : float
-        Over the cycle with holding torque at rest, and with the brake closed at rest [N m].
-    top_speed, mean_speed, rms_speed : float
-        Of the motor, over the cycle [rad/s].
-    peak_power : float
-        Largest power of the motor [W].
-    positive_work, negative_work : float
-        What the motor gives and takes back over a cycle [J].
-    screw_loss : float
-        Lost between nut and screw [J].
-    heating : float
-        Largest (T / T_c)² of the one-body model in steady state, 1 at the limit; NaN without a time constant.
-    inertia_ratio : tuple of float
-        Least and largest inertia of the load at the motor by that of the rotor; NaN where the load's mass was
-        not given.
-    best_lead : float
-        Way of the slider a turn of the screw or pulley with which the rms torque would be least, with the
-        same turning parts and no losses [m]; NaN where the slider does not move.
-    ratings : tuple of Rating
-        How much of each rating is used.
-    """
-
-    peak_torque: float
-    peak_time: float
-    peak_inertia_share: float
-    rms_torque: float
+    peak_torque: float  # largest torque of the motor, with its sign [N m]
+    peak_time: float  # when [s]
+    peak_inertia_share: float  # share of it that the turning parts take for themselves
+    rms_torque: float  # over the cycle with holding torque at rest, and with the brake closed at rest [N m]
     braked_rms_torque: float
-    top_speed: float
+    top_speed: float  # of the motor, over the cycle [rad/s]
     mean_speed: float
     rms_speed: float
-    peak_power: float
-    positive_work: float
+    peak_power: float  # largest power of the motor [W]
+    positive_work: float  # what the motor gives and takes back over a cycle [J]
     negative_work: float
-    screw_loss: float
+    screw_loss: float  # lost between nut and screw [J]
     heating: float
+    """Largest (T / T_c)² of the one-body model in steady state, 1 at the limit; NaN without a time
+    constant."""
     inertia_ratio: tuple[float, float]
+    """Least and largest inertia of the load at the motor by that of the rotor; NaN where the load's mass
+    was not given."""
     best_lead: float
-    ratings: tuple[Rating, ...]
+    """Way of the slider a turn of the screw or pulley with which the rms torque would be least, with the
+    same turning parts and no losses [m]; NaN where the slider does not move."""
+    ratings: tuple[Rating, ...]  # how much of each rating is used
 
     @property
     def worst(self) -> Rating:
@@ -125,25 +157,13 @@ class AxisLoads:
 
 @dataclass(frozen=True, eq=False)
 class Sizing:
-    """A drive on each axis, and what a cycle takes of it.
+    """A drive on each axis, and what a cycle takes of it."""
 
-    Parameters
-    ----------
-    drives : tuple of Drive
-        Of A, B, C.
-    axes : tuple of AxisLoads
-        What the cycle takes of each.
-    bus_positive_work, bus_negative_work : float
-        What the three give and take back over a cycle on a common bus [J].
-    bus_peak_power, bus_peak_braking : float
-        Largest power on it, and back from it [W].
-    """
-
-    drives: tuple[Drive, Drive, Drive]
-    axes: tuple[AxisLoads, AxisLoads, AxisLoads]
-    bus_positive_work: float
+    drives: tuple[Drive, Drive, Drive]  # of A, B, C
+    axes: tuple[AxisLoads, AxisLoads, AxisLoads]  # what the cycle takes of each
+    bus_positive_work: float  # what the three give and take back over a cycle on a common bus [J]
     bus_negative_work: float
-    bus_peak_power: float
+    bus_peak_power: float  # largest power on it, and back from it [W]
     bus_peak_braking: float
 
     def __repr__(self) -> str:
@@ -183,30 +203,8 @@ def size_of(
 ) -> Sizing:
     """Return what a cycle takes of drives.
 
-    Parameters
-    ----------
-    cycle : Cycle
-        Forces and motion of the sliders.
-    drives : Drive or sequence of Drive
-        The same on all axes, or those of A, B, C.
-    held : ndarray, shape (3,), optional
-        Largest forces that brakes must hold, over the poses of the task, without friction [N]; those at rest
-        in the cycle without it.
-    held_time : ndarray, shape (3,), optional
-        When the machine is where they are so large [s].
-    load_mass : ndarray, shape (2, 3), optional
-        Least and largest mass that each slider moves, for the inertia ratio [kg].
-    brake_safety : float
-        How much more a brake must hold.
-
-    Returns
-    -------
-    Sizing
-
-    Raises
-    ------
-    DriveError
-        If an argument does not fit.
+    `held`: largest forces that brakes must hold, over the poses of the task, without friction [N]; those at
+    rest in the cycle without it.
     """
     if not isinstance(cycle, Cycle):
         raise DriveError(f"cycle: expected a Cycle, got {shown(cycle)}")

@@ -11,27 +11,70 @@ from pathlib import Path
 
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.tables import NONE, Table, html_of, notebook_html, number, percent, table_of
-from p3dof.design.drives.sizing import Rating, Sizing
-from p3dof.design.drives.unchecked import not_checked
+from p3dof.design.drives.sizing import BUCKLING, WHIRL, Rating, Sizing
+from p3dof.design.drives.transmission import Drive, Gear, Screw
 from p3dof.machine.parameters import LEGS
+
+
+def not_checked(sizing: Sizing) -> tuple[str, ...]:
+    """Return what was not checked of drives, in words.
+
+    First what the catalogue could have numbers for, by the field that has none.
+    """
+    found: dict[str, None] = {}
+    for drive in dict.fromkeys(sizing.drives):
+        found |= dict.fromkeys((*_of_motor(drive), *_of_gear(drive), *_of_transmission(drive)))
+    shares = f", but for {WHIRL:.0%} of the critical speed and {BUCKLING:.0%} of Euler's load"
+    screws = any(drive.transmission.critical_speed < math.inf for drive in sizing.drives)
+    return (*found, f"reserves (ratings count in full{shares if screws else ''})", "temperature and altitude")
+
+
+def _of_motor(drive: Drive) -> list[str]:
+    motor, name = drive.motor, drive.motor.name
+    known = {
+        f"heat of {name} within the cycle (no time_constant)": motor.time_constant is not None,
+        f"load by rotor inertia of {name} (no max_inertia_ratio)": motor.max_inertia_ratio < math.inf,
+        f"power of the amplifier of {name} (no max_power)": motor.max_power < math.inf,
+        f"braking power of amplifier and resistor of {name} (no max_braking_power)": motor.max_braking_power
+        < math.inf,
+        f"holding when the power fails ({name} has no brake_torque)": motor.brake_torque > 0,
+    }
+    return [words for words, checked in known.items() if not checked]
+
+
+def _of_gear(drive: Drive) -> list[str]:
+    gear = drive.gear
+    unnamed = gear.name == Gear().name
+    if gear.ratio == 1 and unnamed:
+        return []
+    name = "the gear" if unnamed else gear.name
+    known = {
+        f"speed of {name} (no max_speed)": gear.max_speed < math.inf,
+        f"torque of {name} (no max_torque)": gear.max_torque < math.inf,
+        f"life of {name}": False,
+    }
+    return [words for words, checked in known.items() if not checked]
+
+
+def _of_transmission(drive: Drive) -> list[str]:
+    part = drive.transmission
+    if not isinstance(part, Screw):
+        speed = [] if part.max_speed < math.inf else [f"speed of {part.name} (no max_speed)"]
+        return [*speed, f"strength and life of {part.name}"]
+    known = {
+        f"speed of the nut of {part.name}, DN (no max_speed)": part.max_speed < math.inf,
+        f"critical speed and buckling of {part.name} (no diameter and length)": part.critical_speed
+        < math.inf,
+        f"life and static load of the nut of {part.name}": False,
+    }
+    return [words for words, checked in known.items() if not checked]
+
 
 _RPM = 30 / math.pi
 
 
 def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
-    """Return the first of ranked drives: whether they fit, and which rating is used most.
-
-    Parameters
-    ----------
-    found : sequence of Sizing
-        In their order.
-    most : int
-        How many to list.
-
-    Returns
-    -------
-    Table
-    """
+    """Return the first of ranked drives: whether they fit, and which rating is used most."""
     rows: list[tuple[str, ...]] = []
     for sizing in found[:most]:
         leg, rating = sizing.worst
@@ -39,7 +82,7 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
         fits = "yes" if sizing.fits else "no"
         name = sizing.drives[0].name
         rows.append((name, fits, f"{rating.name} of {leg}", *axes, number(sizing.bus_peak_power)))
-    header = ("drive", "fits", "most used", *(f"{leg} used" for leg in LEGS), "bus [W]")
+    header = ("drive", "fits", "critical rating", *(f"{leg} used" for leg in LEGS), "bus [W]")
     left = len(found) - most
     fitting = sum(sizing.fits for sizing in found)
     note = f"{fitting} of {len(found)} fit." + (f" {left} more are not listed." if left > 0 else "")
@@ -47,54 +90,33 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
 
 
 def axes_table(sizing: Sizing) -> Table:
-    """Return what a cycle takes of the drive of each axis.
-
-    Parameters
-    ----------
-    sizing : Sizing
-        Of one drive on each axis.
-
-    Returns
-    -------
-    Table
-    """
+    """Return what a cycle takes of the drive of each axis."""
     axes = sizing.axes
     rows = {
         "peak torque [N m]": [number(axis.peak_torque) for axis in axes],
         "at t [s]": [number(axis.peak_time) for axis in axes],
-        "inertia's share there": [f"{axis.peak_inertia_share:.0%}" for axis in axes],
+        "share of inertia there": [f"{axis.peak_inertia_share:.0%}" for axis in axes],
         "rms torque [N m]": [number(axis.rms_torque) for axis in axes],
-        "the same, brake closed at rest [N m]": [number(axis.braked_rms_torque) for axis in axes],
+        "rms torque, brake closed at rest [N m]": [number(axis.braked_rms_torque) for axis in axes],
         "top speed [rpm]": [number(_RPM * axis.top_speed) for axis in axes],
         "rms speed [rpm]": [number(_RPM * axis.rms_speed) for axis in axes],
         "peak power [W]": [number(axis.peak_power) for axis in axes],
-        "work given [J]": [number(axis.positive_work) for axis in axes],
-        "work taken back [J]": [number(axis.negative_work) for axis in axes],
-        "inertia of load by rotor": [_range(axis.inertia_ratio) for axis in axes],
-        "lead of least rms torque [mm]": [_lead(axis.best_lead) for axis in axes],
+        "work supplied [J]": [number(axis.positive_work) for axis in axes],
+        "work regenerated [J]": [number(axis.negative_work) for axis in axes],
+        "ratio of load to rotor inertia": [_range(axis.inertia_ratio) for axis in axes],
+        "lead for minimum rms torque [mm]": [_lead(axis.best_lead) for axis in axes],
         "reflected mass [kg]": [number(drive.reflected_mass) for drive in sizing.drives],
     }
     note = (
-        f"On a common bus: {number(sizing.bus_positive_work)} J given, {number(sizing.bus_negative_work)} J "
-        f"taken back, at most {number(sizing.bus_peak_power)} W and {number(sizing.bus_peak_braking)} W."
+        f"On a common bus: {number(sizing.bus_positive_work)} J supplied, "
+        f"{number(sizing.bus_negative_work)} J regenerated, "
+        f"at most {number(sizing.bus_peak_power)} W and {number(sizing.bus_peak_braking)} W."
     )
     return table_of(sizing.drives[0].name, ("of the motor", *LEGS), rows, note)
 
 
 def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -> Table:
-    """Return how much of each rating is used, when and on which part of the way.
-
-    Parameters
-    ----------
-    sizing : Sizing
-        Of one drive on each axis.
-    where : callable, optional
-        Time to the name of a part of the cycle.
-
-    Returns
-    -------
-    Table
-    """
+    """Return how much of each rating is used, when and on which part of the way."""
     rows: dict[str, tuple[str, ...]] = {}
     for leg, axis in zip(LEGS, sizing.axes, strict=True):
         for rating in sorted(axis.ratings, key=lambda one: -one.share):
@@ -104,12 +126,12 @@ def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -
             share = percent(rating.share)
             values = number(rating.required), number(rating.allowed)
             rows[name] = (*values, share, NONE if whole else number(rating.time), place)
-    header = ("rating", "required", "allowed", "used", "at t [s]", "on the way")
-    return table_of("How much of the ratings is used", header, rows)
+    header = ("rating", "required", "permissible", "utilisation", "at t [s]", "segment")
+    return table_of("Utilisation of ratings", header, rows)
 
 
 def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
-    """Return whether drives fit, and which rating is used most; all that are exceeded, the farthest first.
+    """Return whether drives fit, and which rating is critical; all that are exceeded, the worst first.
 
     Parameters
     ----------
@@ -117,10 +139,6 @@ def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
         Of one drive on each axis.
     where : callable, optional
         Time to the name of a part of the cycle.
-
-    Returns
-    -------
-    str
     """
     named = [_words(leg, rating, where) for leg, rating in sizing.exceeded or (sizing.worst,)]
     return f"{'fits' if sizing.fits else 'does not fit'}: {'; '.join(named)}"
@@ -128,9 +146,9 @@ def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
 
 def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> str:
     if rating.share == math.inf:
-        much = f"takes {number(rating.required)} {rating.unit} where none is allowed"
+        much = f"takes {number(rating.required)} {rating.unit} where none is permissible"
     else:
-        much = f"is used to {percent(rating.share, 0)}"
+        much = f"has a utilisation of {percent(rating.share, 0)}"
     if math.isnan(rating.time):
         return f"{rating.name} of {leg} {much}, over the cycle"
     place = f", {where(rating.time)}" if where is not None else ""
@@ -158,24 +176,7 @@ def _range(ends: tuple[float, float]) -> str:
 def write_ranking(found: Sequence[Sizing], path: str | os.PathLike[str]) -> Path:
     """Write ranked drives to a CSV file: whether they fit, and how much of each rating of each axis is used.
 
-    Parameters
-    ----------
-    found : sequence of Sizing
-        In their order.
-    path : path-like
-        The file; replaced whole or not at all.
-
-    Returns
-    -------
-    Path
-        The path written.
-
-    Raises
-    ------
-    InputError
-        If its name does not end in ``.csv``.
-    FileError
-        If the file cannot be written.
+    The path written.
     """
     suffix_of(path, "table")
     names = list(

@@ -10,14 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from p3dof._base.errors import DriveError
-from p3dof.design.drives.checked import above_zero, from_zero, share, text
+import numpy as np
 
-STEEL, YOUNG = 7850.0, 2.1e11
-"""Density [kg/m³] and Young's modulus [N/m²] of a steel screw."""
+from p3dof._base.checks import FloatArray, Readable, not_negative
+from p3dof._base.errors import DriveError
+from p3dof.design.drives.motor import Motor, above_zero, share, text
+
+STEEL, YOUNG = 7850.0, 2.1e11  # density [kg/m³] and Young's modulus [N/m²] of a steel screw
 
 _BENDING: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
@@ -29,8 +31,7 @@ _BENDING: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """How a screw is held, to λ² of its first bending vibration and the factor of its buckling load."""
 
-ENDS = tuple(_BENDING)
-"""How a screw may be held at its ends."""
+ENDS = tuple(_BENDING)  # how a screw may be held at its ends
 
 
 @dataclass(frozen=True)
@@ -81,18 +82,18 @@ class Screw:
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = text("screw: name", self.name)
-        for field in ("lead", "diameter", "length"):
-            value = getattr(self, field)
+        for name in ("lead", "diameter", "length"):
+            value = getattr(self, name)
             if value is not None:
-                set_(self, field, above_zero(f"{where}: {field}", value))
+                set_(self, name, above_zero(f"{where}: {name}", value))
         _set_efficiencies(self, where)
-        set_(self, "drag", from_zero(f"{where}: drag", self.drag))
+        set_(self, "drag", not_negative(f"{where}: drag", self.drag, DriveError))
         if self.max_speed != math.inf:
             set_(self, "max_speed", above_zero(f"{where}: max_speed", self.max_speed))
         if self.ends not in ENDS:
             raise DriveError(f"{where}: ends: expected one of {', '.join(ENDS)}, got {self.ends!r}")
         if self.inertia is not None:
-            set_(self, "inertia", from_zero(f"{where}: inertia", self.inertia))
+            set_(self, "inertia", not_negative(f"{where}: inertia", self.inertia, DriveError))
         elif self.diameter is not None and self.length is not None:
             set_(self, "inertia", math.pi * STEEL * self.diameter**4 * self.length / 32)
         else:
@@ -122,44 +123,24 @@ class Screw:
 
 @dataclass(frozen=True)
 class Belt:
-    """A belt, a rack or another drive with a constant ratio that acts on the slider along its way.
+    """A belt, a rack or another drive with a constant ratio that acts on the slider along its way."""
 
-    Parameters
-    ----------
-    diameter : float
-        Pitch diameter of the pulley or pinion [m].
-    efficiency, efficiency_back : float
-        As of a `Screw`.
-    inertia : float
-        Of pulleys and pinion about the driven axis [kg m²]; the belt's mass belongs to the slider.
-    drag : float
-        Friction torque at the pulley [N m].
-    max_speed : float
-        What is allowed [rad/s]; infinite if nothing is known.
-    name : str
-        What tables call it.
-
-    Raises
-    ------
-    DriveError
-        If a number does not fit.
-    """
-
-    diameter: float
-    efficiency: float = 0.95
+    diameter: float  # pitch diameter of the pulley or pinion [m]
+    efficiency: float = 0.95  # as of a `Screw`
     efficiency_back: float | None = None
     inertia: float = 0.0
-    drag: float = 0.0
-    max_speed: float = math.inf
-    name: str = "belt"
+    """Of pulleys and pinion about the driven axis [kg m²]; the belt's mass belongs to the slider."""
+    drag: float = 0.0  # friction torque at the pulley [N m]
+    max_speed: float = math.inf  # what is allowed [rad/s]; infinite if nothing is known
+    name: str = "belt"  # what tables call it
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = text("belt: name", self.name)
         set_(self, "diameter", above_zero(f"{where}: diameter", self.diameter))
         _set_efficiencies(self, where)
-        set_(self, "inertia", from_zero(f"{where}: inertia", self.inertia))
-        set_(self, "drag", from_zero(f"{where}: drag", self.drag))
+        set_(self, "inertia", not_negative(f"{where}: inertia", self.inertia, DriveError))
+        set_(self, "drag", not_negative(f"{where}: drag", self.drag, DriveError))
         if self.max_speed != math.inf:
             set_(self, "max_speed", above_zero(f"{where}: max_speed", self.max_speed))
 
@@ -181,44 +162,26 @@ class Belt:
 
 @dataclass(frozen=True)
 class Gear:
-    """A gear between motor and screw or belt.
+    """A gear between motor and screw or belt."""
 
-    Parameters
-    ----------
-    ratio : float
-        Speed of the motor by speed of the screw.
-    efficiency, efficiency_back : float
-        As of a `Screw`.
-    inertia : float
-        At the motor's side [kg m²].
-    max_speed, max_torque : float
-        What its input may turn [rad/s] and its output may bear [N m]; infinite if nothing is known.
-    name : str
-        What tables call it.
-
-    Raises
-    ------
-    DriveError
-        If a number does not fit.
-    """
-
-    ratio: float = 1.0
-    efficiency: float = 1.0
+    ratio: float = 1.0  # speed of the motor by speed of the screw
+    efficiency: float = 1.0  # as of a `Screw`
     efficiency_back: float | None = None
-    inertia: float = 0.0
+    inertia: float = 0.0  # at the motor's side [kg m²]
     max_speed: float = math.inf
+    """What its input may turn [rad/s] and its output may bear [N m]; infinite if nothing is known."""
     max_torque: float = math.inf
-    name: str = "no gear"
+    name: str = "no gear"  # what tables call it
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = text("gear: name", self.name)
         set_(self, "ratio", above_zero(f"{where}: ratio", self.ratio))
         _set_efficiencies(self, where)
-        set_(self, "inertia", from_zero(f"{where}: inertia", self.inertia))
-        for field in ("max_speed", "max_torque"):
-            if getattr(self, field) != math.inf:
-                set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
+        set_(self, "inertia", not_negative(f"{where}: inertia", self.inertia, DriveError))
+        for name in ("max_speed", "max_torque"):
+            if getattr(self, name) != math.inf:
+                set_(self, name, above_zero(f"{where}: {name}", getattr(self, name)))
 
 
 def _set_efficiencies(part: Screw | Belt | Gear, where: str) -> None:
@@ -230,3 +193,99 @@ def _set_efficiencies(part: Screw | Belt | Gear, where: str) -> None:
         back = share(f"{where}: efficiency_back", part.efficiency_back, zero=True)
     object.__setattr__(part, "efficiency", forward)
     object.__setattr__(part, "efficiency_back", back)
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(Readable):
+    """Motor, gear and screw or belt of one actuator.
+
+    Parameters
+    ----------
+    motor : Motor
+        The motor.
+    transmission : Screw or Belt
+        What moves the slider.
+    gear : Gear
+        Between the two; none by default.
+    name : str
+        What tables call it; made of the parts without one.
+
+    Raises
+    ------
+    DriveError
+        If a part is something else.
+    """
+
+    motor: Motor
+    transmission: Screw | Belt
+    gear: Gear = field(default_factory=Gear)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for part, kinds in (("motor", Motor), ("transmission", (Screw, Belt)), ("gear", Gear)):
+            if not isinstance(getattr(self, part), kinds):
+                raise DriveError(
+                    f"{part}: expected {_kinds(kinds)}, got {type(getattr(self, part)).__name__}"
+                )
+        text("drive: name", self.name)
+        if not self.name:
+            parts = [self.motor.name, self.transmission.name]
+            if self.gear.ratio != 1 or self.gear.name != Gear().name:
+                parts.insert(1, self.gear.name)
+            object.__setattr__(self, "name", " + ".join(parts))
+
+    @property
+    def ratio(self) -> float:
+        """Angle of the motor by way of the slider [rad/m]."""
+        return self.gear.ratio * self.transmission.ratio
+
+    @property
+    def fast_inertia(self) -> float:
+        """Of all that turns with the motor [kg m²]."""
+        return self.motor.inertia + self.motor.coupling_inertia + self.gear.inertia
+
+    @property
+    def reflected_mass(self) -> float:
+        """What the turning parts add to the mass of the slider, each by the ratio of its own shaft [kg]."""
+        slow = float(self.transmission.inertia or 0.0)
+        return self.fast_inertia * self.ratio**2 + slow * self.transmission.ratio**2
+
+    def torque(self, force: FloatArray, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return the torque of the motor, shape (...) [N m].
+
+        Stage by stage from the slider: efficiency acts on the power that passes, in its direction; what the
+        turning parts take for themselves is added where they turn. At rest there is no direction: the torque
+        is that without losses, in the middle of those that hold.
+
+        Parameters
+        ----------
+        force : ndarray, shape (...)
+            On the slider, along its way, without the reflected mass [N].
+        speed, acceleration : ndarray, shape (...)
+            Of the slider [m/s, m/s²].
+        """
+        slow, gear = self.transmission, self.gear
+        at_screw = _passed(force * speed, force / slow.ratio, slow)
+        at_screw = at_screw + float(slow.inertia or 0.0) * slow.ratio * acceleration
+        at_screw = at_screw + slow.drag * np.sign(speed)
+        at_motor = _passed(at_screw * speed, at_screw / gear.ratio, gear)
+        own = self.fast_inertia * self.ratio * acceleration + self.motor.drag * np.sign(speed)
+        return np.asarray(at_motor + own)
+
+    def screw_torque(self, force: FloatArray, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return the torque at the output of the gear, arguments as of `torque`, in (...) [N m]."""
+        slow = self.transmission
+        found = _passed(force * speed, force / slow.ratio, slow)
+        return np.asarray(
+            found + float(slow.inertia or 0.0) * slow.ratio * acceleration + slow.drag * np.sign(speed)
+        )
+
+
+def _passed(power: FloatArray, torque: FloatArray, stage: Screw | Belt | Gear) -> FloatArray:
+    """Return the torque before a stage, given that behind it without losses, and the sign of the power."""
+    back = float(stage.efficiency_back or 0.0)
+    return np.asarray(torque * np.where(power > 0, 1 / stage.efficiency, np.where(power < 0, back, 1.0)))
+
+
+def _kinds(kinds: object) -> str:
+    return " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))

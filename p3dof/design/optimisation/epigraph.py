@@ -18,43 +18,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof.design.optimisation.measure import Pieces
 from p3dof.design.optimisation.population import Population
 from p3dof.design.optimisation.statement import Statement
 
-_NEAR = 0.25
-"""Pieces that are so near to the worst, as a share of its size, take part from the beginning."""
-_FEW = 8
-"""Measures of so many pieces take part whole."""
+_NEAR = 0.25  # pieces that are so near to the worst, as a share of its size, take part from the beginning
+_FEW = 8  # measures of so many pieces take part whole
 _ROUNDS, _STEPS, _MOST = 6, 100, 500
 _PRECISION, _SETTLED = 1e-9, 1e-9
-_NEARER = 0.2
-"""By how much steps become shorter where they lead to what is no machine."""
-_FAR = 1e3
-"""What stands for the value of a design that is none: line searches turn back from it."""
+_NEARER = 0.2  # by how much steps become shorter where they lead to what is no machine
+_FAR = 1e3  # what stands for the value of a design that is none: line searches turn back from it
 
 
 @dataclass(frozen=True, eq=False)
-class Local:
-    """What an optimiser came to from one start.
+class Local(Readable):
+    """What an optimiser came to from one start."""
 
-    Parameters
-    ----------
-    design : ndarray, shape (n,)
-        Variables [SI units].
-    value : float
-        The objective there.
-    violation : float
-        As of `Evaluated.violation`.
-    evaluations : int
-        How often pieces and gradients were computed.
-    """
-
-    design: FloatArray
-    value: float
-    violation: float
-    evaluations: int
+    design: FloatArray  # (n,): variables [SI units]
+    value: float  # the objective there
+    violation: float  # as of `Evaluated.violation`
+    evaluations: int  # how often pieces and gradients were computed
 
 
 class _Rows:
@@ -93,20 +77,7 @@ def _scaled(row: Pieces, span: FloatArray) -> FloatArray:
 
 
 def descend(problem: Statement, start: FloatArray) -> Local:
-    """Return the optimum of the first objective near a design.
-
-    Parameters
-    ----------
-    problem : Statement
-        Its first objective counts.
-    start : ndarray, shape (n,)
-        Variables to begin with [SI units].
-
-    Returns
-    -------
-    Local
-        The best that was come to; it may miss constraints.
-    """
+    """Return the best of the first objective that was come to near a design; it may miss constraints."""
     x = np.clip(problem.variables.scaled(start), 0.0, 1.0)
     rows = _Rows(problem)
     found = rows.pieces(x)
@@ -183,9 +154,4 @@ def _program(
 
 def _local(problem: Statement, x: FloatArray, rows: _Rows) -> Local:
     found = problem.evaluate(problem.variables.values(x))
-    return Local(
-        found.designs[0],
-        float(found.objectives[0, 0]),
-        float(found.violation[0]),
-        rows.evaluations,
-    )
+    return Local(found.designs[0], float(found.objectives[0, 0]), float(found.violation[0]), rows.evaluations)

@@ -2,64 +2,119 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
-from p3dof._base.errors import MissingExtraError
-from p3dof.analysis.designs.status import DesignStatus
+from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.errors import InputError, MissingExtraError, P3dofError
+from p3dof.analysis.designs.columns import QUANTITIES, full_name
+from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.optimisation.constraints import Constraint, amount
 from p3dof.design.optimisation.measure import Measure
-from p3dof.design.optimisation.variables import Variables
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """Columns of designs that may change, in an order, and their bounds."""
+
+    names: tuple[str, ...]  # full names, such as `geometry.R`
+    labels: tuple[str, ...]  # as the user calls them
+    low: FloatArray  # (n,): bounds [SI units]
+    high: FloatArray
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Variables:
+        """Return what a mapping from names to pairs of bounds means."""
+        if not isinstance(given, Mapping) or not given:
+            raise InputError(
+                f"variables: expected bounds by name, such as {{'R': (0.2, 0.3)}}, got {shown(given)}"
+            )
+        names: dict[str, str] = {}
+        bounds = []
+        for label, pair in given.items():
+            name = full_name(label)
+            if name.startswith("limits."):
+                raise InputError(f"variables: {label}: limits are no part of a design to be optimised")
+            if name in names.values():
+                raise InputError(f"variables: {label} is there twice")
+            names[str(label)] = name
+            bounds.append(_bounds(label, name, pair))
+        low, high = np.array(bounds).T
+        return cls(tuple(names.values()), tuple(names), low, high)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of each."""
+        return tuple(QUANTITIES[name].unit for name in self.names)
+
+    @property
+    def span(self) -> FloatArray:
+        """Upper less lower bounds (n,)."""
+        return self.high - self.low
+
+    def scaled(self, values: FloatArray) -> FloatArray:
+        """Return values as shares of the way from lower to upper bounds, (..., n)."""
+        return np.asarray((values - self.low) / self.span)
+
+    def values(self, scaled: FloatArray) -> FloatArray:
+        """Return the values of shares, (..., n), never outside the bounds by rounding."""
+        found = self.low + np.asarray(scaled) * self.span
+        return np.asarray(np.clip(found, self.low, self.high))
+
+    def rows(self, values: Any) -> FloatArray:
+        """Return designs as rows, (D, n)."""
+        array = frozen_array("designs", values, ("D", len(self)) if np.ndim(values) == 2 else (len(self),))
+        return np.atleast_2d(array)
+
+
+def quantity_in_si(name: str, value: Any, where: str) -> float:
+    """Return a number of a column in SI units, from a number or a text with a unit."""
+    try:
+        found = QUANTITIES[name].read(value, where)
+    except P3dofError as error:
+        raise InputError(str(error)) from error
+    return float(frozen_array(where, found, ()))
+
+
+def _bounds(label: str, name: str, pair: Any) -> tuple[float, float]:
+    where = f"variables.{label}"
+    if not isinstance(pair, tuple | list | np.ndarray) or len(pair) != 2:
+        raise InputError(f"{where}: expected a lower and an upper bound, got {shown(pair)}")
+    low, high = (quantity_in_si(name, end, where) for end in pair)
+    if not low < high:
+        raise InputError(f"{where}: expected the lower bound below the upper one, got {low:g} and {high:g}")
+    return low, high
+
 
 TOLERANCE = 1e-8
 """By how much constraints may be missed, as a share of their bounds: optima lie on them, and are rounded."""
 
 
 class Asked(NamedTuple):
-    """What a problem asks of designs.
+    """What a problem asks of designs."""
 
-    Parameters
-    ----------
-    variables : Variables
-        What may change.
-    objectives : tuple of Measure
-        What is to become better.
-    constraints : tuple of Constraint
-        What must be kept.
-    """
-
-    variables: Variables
-    objectives: tuple[Measure, ...]
-    constraints: tuple[Constraint, ...]
+    variables: Variables  # what may change
+    objectives: tuple[Measure, ...]  # what is to become better
+    constraints: tuple[Constraint, ...]  # what must be kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluated:
-    """What designs of a problem are worth, and what they keep.
+    """What designs of a problem are worth, and what they keep."""
 
-    Parameters
-    ----------
-    asked : Asked
-        What the problem asks.
-    designs : ndarray, shape (D, n)
-        Their variables [SI units].
-    objectives : ndarray, shape (D, M)
-        Its objectives, in its order; NaN where a design cannot make the motion.
-    constraints : ndarray, shape (D, C)
-        The bounded measures, in the order of its constraints; NaN where a pose is out of reach.
-    status : ndarray of uint8, shape (D,)
-        `DesignStatus` over the motion.
-    """
-
-    asked: Asked
-    designs: FloatArray
-    objectives: FloatArray
+    asked: Asked  # what the problem asks
+    designs: FloatArray  # (D, n): their variables [SI units]
+    objectives: FloatArray  # (D, M): its objectives, in its order; NaN where the motion is impossible
     constraints: FloatArray
-    status: NDArray[np.uint8]
+    """(D, C): the bounded measures, in the order of its constraints; NaN where a pose is out of reach."""
+    status: NDArray[np.uint8]  # (D,): `DesignStatus` over the motion
 
     def __len__(self) -> int:
         return len(self.designs)
@@ -103,17 +158,7 @@ class Evaluated:
         return np.asarray(self.violation == 0.0)
 
     def reason(self, design: int) -> str:
-        """Return in words which constraint a design misses most, and by how much; empty if it keeps all.
-
-        Parameters
-        ----------
-        design : int
-            Which one.
-
-        Returns
-        -------
-        str
-        """
+        """Return in words which constraint a design misses most, and by how much; empty if it keeps all."""
         status = DesignStatus(int(self.status[design]))
         if status != DesignStatus.FEASIBLE:
             return status.in_words
@@ -128,15 +173,10 @@ class Evaluated:
         if np.isnan(value):
             return f"{item.name}: a pose of the box is out of reach"
         missed, unit = amount(-margins[worst], item.measure.unit, 4), item.measure.unit
-        return f"{item.name}: missed by {missed} (it is {amount(value, unit)})"
+        return f"{item.name}: violated by {missed} (it is {amount(value, unit)})"
 
     def to_columns(self) -> dict[str, NDArray[Any]]:
-        """Return everything as columns, with units in their names.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (D,)
-        """
+        """Return everything as columns, with units in their names; dict of str to ndarray, shape (D,)."""
         asked, columns = self.asked, dict[str, NDArray[Any]]()
         for index, (label, unit) in enumerate(
             zip(asked.variables.labels, asked.variables.units, strict=True)
@@ -153,17 +193,7 @@ class Evaluated:
         return columns
 
     def to_xarray(self) -> Any:
-        """Return everything as an `xarray.Dataset` along the dimension ``design``, with units as attributes.
-
-        Returns
-        -------
-        xarray.Dataset
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-        """
+        """Return everything as an `xarray.Dataset` along the dimension `design`, with units as attributes."""
         try:
             import xarray
         except ImportError as error:

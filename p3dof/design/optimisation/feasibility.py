@@ -18,27 +18,86 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import OptimisationError
-from p3dof.analysis.designs.status import DesignStatus
+from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.optimisation.constraints import Constraint, Linear, amount
 from p3dof.design.optimisation.epigraph import Local, descend
+from p3dof.design.optimisation.evaluated import Variables
 from p3dof.design.optimisation.measure import Better, Pieces
 from p3dof.design.optimisation.population import Population
-from p3dof.design.optimisation.starts import closer, starts_of
 from p3dof.design.optimisation.statement import Statement
-from p3dof.design.optimisation.variables import Variables
+
+_POINTS, _FEW = 1024, 32  # designs to choose from; few where a measure takes long
+_BEST = 8  # how many designs further ones are looked for around
+_APART = 0.1  # least distance between starts, as a share of the ranges of the variables
+
+
+def starts_of(problem: Statement, count: int, seed: int) -> FloatArray:
+    """Return designs to begin with: the problem's own first, then the best of a Sobol sequence [SI units]."""
+    from scipy.stats import qmc
+
+    variables = problem.variables
+    own = problem.start
+    chosen = [np.clip(variables.scaled(own), 0, 1)] if np.isfinite(own).all() else []
+    points = qmc.Sobol(len(variables), rng=np.random.default_rng(seed)).random(
+        _FEW if is_slow(problem) else _POINTS
+    )
+    found = problem.evaluate(variables.values(points))
+    sign = 1.0 if problem.objectives[0].better == "small" else -1.0
+    value = np.where(np.isnan(found.objectives[:, 0]), np.inf, sign * found.objectives[:, 0])
+    for index in np.lexsort((value, found.violation)):
+        if len(chosen) >= count:
+            break
+        if all(np.abs(points[index] - other).max() > _APART for other in chosen):
+            chosen.append(points[index])
+    while len(chosen) < count:  # a small range: further points, one after the other
+        chosen.append(points[len(chosen) % len(points)])
+    return variables.values(np.array(chosen[:count]))
+
+
+def closer(problem: Statement, starts: FloatArray, halved: Sequence[int] = range(1, 11)) -> FloatArray:
+    """Return starts, and the best of random designs around the best, ever closer; no more if that takes long.
+
+    [SI units]; the starts, then the best first.
+    """
+    if is_slow(problem):
+        return starts
+    rng, variables = np.random.default_rng(0), problem.variables
+    points = np.clip(variables.scaled(starts), 0.0, 1.0)
+    for reach in 0.5 ** np.array(halved):
+        centres = points[rng.integers(len(points), size=_POINTS)]
+        around = np.clip(centres + rng.uniform(-reach, reach, centres.shape), 0.0, 1.0)
+        points = np.concatenate([points, around])
+        found = problem.evaluate(variables.values(points))
+        value = np.where(np.isnan(found.objectives[:, 0]), np.inf, found.objectives[:, 0])
+        points = points[np.lexsort((value, found.violation))[:_BEST]]
+    return np.concatenate([starts, variables.values(points)])
+
+
+def is_slow(problem: Statement) -> bool:
+    """Whether a measure of a problem takes long."""
+    measures = (*problem.objectives, *(item.measure for item in problem.constraints))
+    return any(getattr(measure, "slow", False) for measure in measures)
+
+
+def require_influence(problem: Statement, starts: FloatArray) -> None:
+    """Raise `OptimisationError` if the first objective is the same whatever the variables are."""
+    values = problem.evaluate(starts).objectives[:, 0]
+    values = values[np.isfinite(values)]
+    if len(values) > 1 and np.ptp(values) == 0 and np.ptp(starts, axis=0).any():
+        name, by = problem.objectives[0].name, ", ".join(problem.variables.labels)
+        raise OptimisationError(
+            f"{name} does not depend on any variable ({by}): there is nothing to optimise"
+        )
+
 
 _MISSED, _ENOUGH, _STARTS = 1e-9, -1e-3, 4
-_MOST = 3
-"""How many conflicts are looked for: each takes as long as the first."""
-_NEAR = 1e-3
-"""Constraints that are missed by less than the worst, by this share of it, are left out at once."""
+_MOST = 3  # how many conflicts are looked for: each takes as long as the first
+_NEAR = 1e-3  # constraints that are missed by less than the worst, by this share of it, are left out at once
 _ALIKE = 1e-6
-_FINER = range(7, 27)
-"""How near to an end better ones are looked for: the ranges of the variables, so often halved."""
-_AT_BOUND = 1e-6
-"""How near to its bound a variable is at it, as a share of its range."""
+_FINER = range(7, 27)  # how near to an end better ones are looked for: ranges of the variables, halved
+_AT_BOUND = 1e-6  # how near to its bound a variable is at it, as a share of its range
 
 
 @dataclass(frozen=True)
@@ -71,74 +130,45 @@ class Missing:
 
 
 @dataclass(frozen=True)
-class Conflict:
-    """Constraints that no design keeps together, though there are some for all but any one of them.
+class Conflict(Readable):
+    """Constraints that no design keeps together, though there are some for all but any one of them."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        Of the constraints; bounds of variables may be among them.
-    amounts : tuple of float
-        By how much each must give way at least, by itself, for a design to keep all constraints; where other
-        conflicts forbid that, all but those that only these name [SI units].
-    units : tuple of str
-        Of the amounts.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the constraints; bounds of variables may be among them
     amounts: tuple[float, ...]
-    units: tuple[str, ...]
+    """By how much each must give way at least, by itself, for a design to keep all constraints; where
+    other conflicts forbid that, all but those that only these name [SI units]."""
+    units: tuple[str, ...]  # of the amounts
 
     def __str__(self) -> str:
         missed = [amount(value, unit, 4) for value, unit in zip(self.amounts, self.units, strict=True)]
         if len(missed) == 1:
-            return f"none keeps {self.names[0]}, which is missed by {missed[0]} at least"
+            return f"none satisfies {self.names[0]}, which is violated by {missed[0]} at least"
         each = [f"{name} by {by}" for name, by in zip(self.names, missed, strict=True)]
         told = f"{', '.join(self.names[:-1])} and {self.names[-1]}"
-        return f"none keeps {told} together: one must give way, {' or '.join(each)} at least"
+        return f"{told} conflict: one must be relaxed, {' or '.join(each)} at least"
 
 
 def nearest_feasible(problem: Statement, starts: FloatArray) -> FloatArray:
-    """Return a design that keeps all constraints.
-
-    Parameters
-    ----------
-    problem : Statement
-        What they are.
-    starts : ndarray, shape (S, n)
-        Where to begin [SI units].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    OptimisationError
-        If none was found: `conflicts` has the constraints that exclude each other, with the bounds of
-        variables among them that do, and so does the message.
-    """
+    """Return a design that keeps all constraints; ndarray, shape (n,)."""
     found = problem.evaluate(starts)
     able = found.status == DesignStatus.FEASIBLE
     if not able.any():
         raise OptimisationError(
-            f"no design was found that makes the motion: {found.reason(0)}; change bounds of the variables"
+            f"no design was found that can perform the motion: {found.reason(0)}; change bounds of variables"
         )
-    search = _Search(problem, starts[able][:_STARTS])
+    search = _ConflictSearch(problem, starts[able][:_STARTS])
     nearest = search.nearest(problem.constraints)
     if nearest.value < _MISSED:
         return nearest.design
     conflicts = _conflicts(search, nearest.design)
     if not conflicts:
         missed = search.worst(problem.constraints, nearest)[0].name
-        raise OptimisationError(
-            f"no design was found that keeps all constraints; the nearest misses {missed}"
-        )
+        raise OptimisationError(f"no feasible design was found; the nearest violates {missed}")
     told = "; ".join(map(str, conflicts)) + ("; there may be more" if len(conflicts) == _MOST else "")
-    raise OptimisationError(f"no design keeps all constraints: {told}", conflicts)
+    raise OptimisationError(f"no design satisfies all constraints: {told}", conflicts)
 
 
-def _conflicts(search: _Search, nearest: FloatArray) -> tuple[Conflict, ...]:
+def _conflicts(search: _ConflictSearch, nearest: FloatArray) -> tuple[Conflict, ...]:
     """Return what excludes each other: one after the other is left out, until some design keeps what is left.
 
     What still excludes each other without one of a conflict is another conflict, which may share the others:
@@ -164,16 +194,8 @@ def _conflicts(search: _Search, nearest: FloatArray) -> tuple[Conflict, ...]:
     return tuple(conflict for conflict in found if conflict is not None)
 
 
-class _Search:
-    """Designs that are nearest to keeping some constraints, each found once, from the same starts.
-
-    Parameters
-    ----------
-    problem : Statement
-        Its designs.
-    starts : ndarray, shape (S, n)
-        Which make the motion.
-    """
+class _ConflictSearch:
+    """Designs that are nearest to keeping some constraints, each found once, from the same starts."""
 
     def __init__(self, problem: Statement, starts: FloatArray) -> None:
         self.problem, self.starts = problem, starts
@@ -267,7 +289,7 @@ class _Search:
         units = tuple(item.measure.unit for item in core)
         return Conflict(tuple(item.name for item in core), tuple(missed), units)
 
-    def _without(self, items: tuple[Constraint, ...], nearest: FloatArray) -> _Search:
+    def _without(self, items: tuple[Constraint, ...], nearest: FloatArray) -> _ConflictSearch:
         """Return the same where those of some constraints that are bounds of variables are farther off."""
         bounds = [item for item in items if not any(item is own for own in self.problem.constraints)]
         if not bounds:
@@ -275,7 +297,7 @@ class _Search:
         wide = self.problem.asking()
         for bound in bounds:
             wide.variables = _farther(wide.variables, bound)
-        return _Search(wide, np.concatenate([self.known, nearest[None]]))
+        return _ConflictSearch(wide, np.concatenate([self.known, nearest[None]]))
 
     def least(self, item: Constraint, others: tuple[Constraint, ...]) -> float:
         """Return by how much a constraint is missed at least where others are kept, by its scale."""

@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, Readable, shown
 from p3dof._base.errors import InputError
 from p3dof.analysis.designs import Designs
 from p3dof.analysis.designs.figures import FigureGroup
@@ -27,12 +27,8 @@ Better: TypeAlias = Literal["small", "large"]
 class Pieces:
     """The pieces of a measure, and their derivatives by all variables of the problem.
 
-    Parameters
-    ----------
-    values : ndarray, shape (D, P)
-        The measure is the largest of them if small is good, else the least.
-    gradients : ndarray, shape (D, P, n), or callable
-        By the variables, in SI units; a function that returns them is called when they are asked for.
+    `gradients`: by the variables, in SI units; a function that returns them is called when they are asked
+    for.
     """
 
     def __init__(self, values: FloatArray, gradients: FloatArray | Callable[[], FloatArray]) -> None:
@@ -72,25 +68,22 @@ class Measure(Protocol):
 
 
 @dataclass(frozen=True)
-class ClosedForm:
-    """A measure that is a formula of the numbers of designs, differentiated by complex steps.
+class OfDesigns:
+    """What is known of a measure that has a name here."""
 
-    Parameters
-    ----------
-    name, unit, better
-        As of `Measure`.
-    about : str
-        What it is, in a line.
-    formula : callable
-        From `Numbers` and `Population` to pieces (D, P): analytic in the numbers.
-    """
-
-    name: str
+    name: str  # as of `Measure`
     unit: str
     better: Better
-    about: str
+    about: str  # what it is, in a line
+    figures: tuple[FigureGroup, ...] = field(default=(), kw_only=True)
+
+
+@dataclass(frozen=True)
+class ClosedForm(OfDesigns):
+    """A measure that is a formula of the numbers of designs, differentiated by complex steps."""
+
     formula: Callable[[Numbers, Population], Any]
-    figures: tuple[FigureGroup, ...] = ()
+    """From `Numbers` and `Population` to pieces (D, P): analytic in the numbers."""
 
     def values(self, population: Population) -> FloatArray:
         """Return it of designs, (D,)."""
@@ -116,7 +109,7 @@ class ClosedForm:
 
 
 @dataclass(frozen=True)
-class FunctionMeasure:
+class FunctionMeasure(Readable):
     """A measure by a function of one's own.
 
     Parameters

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -12,73 +11,19 @@ from p3dof._base.checks import FloatArray, Progress, real, shown
 from p3dof._base.errors import InputError, OptimisationError
 from p3dof.design.optimisation.constraints import Constraint
 from p3dof.design.optimisation.epigraph import Local, descend
-from p3dof.design.optimisation.evolution import GENERATIONS, evolve
-from p3dof.design.optimisation.feasibility import nearest_feasible
-from p3dof.design.optimisation.journal import Journal
+from p3dof.design.optimisation.evolution import Journal, evolve
+from p3dof.design.optimisation.feasibility import nearest_feasible, require_influence, starts_of
 from p3dof.design.optimisation.measures import measure_of
 from p3dof.design.optimisation.optimum import Optimum
-from p3dof.design.optimisation.starts import require_influence, starts_of
 from p3dof.design.optimisation.statement import Statement
 
-Optimiser: TypeAlias = Literal["slsqp", "evolution"]
-"""How to look for an optimum."""
+Optimiser: TypeAlias = Literal["slsqp", "evolution"]  # how to look for an optimum
 
-STARTS = 8
-"""Designs that the local optimiser begins with."""
-
-
-def minimise(
-    problem: Statement,
-    objective: Any = None,
-    subject_to: Mapping[str, float] | None = None,
-    *,
-    method: Optimiser = "slsqp",
-    starts: int = STARTS,
-    generations: int = GENERATIONS,
-    seed: int = 0,
-    polish: bool = True,
-    store: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    progress: Progress | None = None,
-) -> Optimum:
-    """Return the best design; arguments and errors as of `DesignProblem.minimise`."""
-    asked = asking(problem, objective, subject_to)
-    _require(method, starts, generations, seed)
-    about = {
-        "what": "minimise",
-        "problem": asked.settings(),
-        "method": method,
-        "starts": starts,
-        "generations": generations,
-        "seed": int(seed),
-    }
-    with Journal(store, about, resume) as journal:
-        if method == "evolution":
-            return _by_evolution(asked, seed, generations, polish, journal, progress)
-        return _by_descents(asked, starts, seed, journal, progress)
+STARTS = 8  # designs that the local optimiser begins with
 
 
 def asking(problem: Statement, objective: Any, subject_to: Mapping[str, float] | None) -> Statement:
-    """Return a problem for one objective, with further bounds on measures.
-
-    Parameters
-    ----------
-    problem : Statement
-        The problem.
-    objective : str or Measure, optional
-        Its first one by default.
-    subject_to : mapping of str to float, optional
-        The worst value that each measure may have.
-
-    Returns
-    -------
-    Statement
-
-    Raises
-    ------
-    InputError
-        If there is no such measure, or a bound is no number.
-    """
+    """Return a problem for one objective, with further bounds on measures."""
     return problem.asking(
         problem.objectives[0] if objective is None else objective, bounds_of(problem, subject_to)
     )
@@ -95,9 +40,10 @@ def bounds_of(problem: Statement, worst: Mapping[str, float] | None) -> list[Con
     return bounds
 
 
-def _by_descents(
+def by_descents(
     problem: Statement, starts: int, seed: int, journal: Journal, progress: Progress | None
 ) -> Optimum:
+    """Return the best optimum that descents from several starts come to."""
     begin = starts_of(problem, starts, seed)
     require_influence(problem, begin)
     attempts: list[Local] = []
@@ -113,18 +59,14 @@ def _by_descents(
         attempts.append(descent(journal, "start-feasible", problem, feasible))
         best = best_of(problem, attempts)
     if best is None:
-        raise OptimisationError("no optimum was found, though there are designs that keep all constraints")
+        raise OptimisationError("no optimum was found, though there are feasible designs")
     return _optimum(problem, best, "slsqp", seed, attempts, 0)
 
 
-def _by_evolution(
-    problem: Statement,
-    seed: int,
-    generations: int,
-    polish: bool,
-    journal: Journal,
-    progress: Progress | None,
+def by_evolution(
+    problem: Statement, seed: int, generations: int, polish: bool, journal: Journal, progress: Progress | None
 ) -> Optimum:
+    """Return the optimum that differential evolution comes to, polished by a descent."""
     design = evolve(problem, seed, journal, generations, progress)
     found = problem.evaluate(design)
     local = Local(design, float(found.objectives[0, 0]), float(found.violation[0]), 0)
@@ -134,7 +76,7 @@ def _by_evolution(
     best = best_of(problem, attempts)
     if best is None:
         nearest_feasible(problem, np.concatenate([design[None], starts_of(problem, STARTS, seed)]))
-        raise OptimisationError("no optimum was found, though there are designs that keep all constraints")
+        raise OptimisationError("no optimum was found, though there are feasible designs")
     return _optimum(problem, best, "evolution", seed, (), generations)
 
 
@@ -173,7 +115,8 @@ def _kept_design(journal: Journal, problem: Statement, starts: FloatArray) -> Fl
     return design
 
 
-def _require(method: str, starts: Any, generations: Any, seed: Any) -> None:
+def require_effort(method: str, starts: Any, generations: Any, seed: Any) -> None:
+    """Raise `InputError` where a method or a number of `DesignProblem.minimise` does not fit."""
     if method not in get_args(Optimiser):
         raise InputError(f"method: expected {' or '.join(get_args(Optimiser))}, got {shown(method)}")
     for name, value, least, most in (

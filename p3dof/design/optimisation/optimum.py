@@ -9,19 +9,67 @@ from pathlib import Path
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
-from p3dof.design.optimisation.checking import Check, checked
+from p3dof._base.checks import FloatArray, Readable
+from p3dof.analysis.designs.columns import OFFSETS
 from p3dof.design.optimisation.constraints import amount
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
+from p3dof.design.optimisation.of_poses import loop_of
+from p3dof.design.optimisation.population import Population
 from p3dof.design.optimisation.statement import Statement
+from p3dof.machine.motion.states import states_over
 from p3dof.machine.parameters import Parameters, write_parameters
+from p3dof.methods.pinocchio import PinocchioMethod
 
-_BINDING = 1e-4
-"""Margin below which a constraint is called binding, as a share of its bound."""
+FINER = 9  # how many times finer than those of the optimiser grids of poses and samples of the motion are
 
-_MISSED = 1e-3
-"""Violation on finer grids that is told."""
+
+@dataclass(frozen=True, eq=False)
+class Check(Readable):
+    """What a design is worth where the optimiser did not look."""
+
+    finer: Evaluated  # on finer grids of the motion and of the box
+    difference: float  # largest difference between the forces of the two ways at the optimiser's samples [N]
+    largest: float  # largest force by the Pinocchio way [N]
+
+    @property
+    def violation(self) -> float:
+        """Of constraints on the finer grids, as of `Evaluated`."""
+        return float(self.finer.violation[0])
+
+    @property
+    def reason(self) -> str:
+        """Which constraint is missed most on the finer grids, and by how much; empty if none is."""
+        return self.finer.reason(0)
+
+
+def checked(problem: Statement, design: FloatArray) -> Check:
+    """Look at a design again."""
+    finer = problem.refined(FINER).evaluate(design)
+    ours = forces_of(problem, design)
+    theirs = pinocchio_forces(problem, design)
+    return Check(finer, float(np.abs(ours - theirs).max()), float(np.abs(theirs).max()))
+
+
+def forces_of(problem: Statement, design: FloatArray) -> FloatArray:
+    """Return the forces by the reduced formulas that optimisers use, (N, 3) [N]."""
+    population = Population(problem.setting, np.atleast_2d(design))
+    return np.stack([np.ravel(force) for force in population.sampled.found.forces], axis=1)
+
+
+def pinocchio_forces(problem: Statement, design: FloatArray) -> FloatArray:
+    """Return the forces by Pinocchio with its closed loops, (N, 3) [N]."""
+    machine, setting = problem.machine(design), problem.setting
+    states = states_over(setting.motion, setting.wrench)
+    moved = setting.columns(np.atleast_2d(design))
+    offset = np.array([moved[name][0] if name in moved else 0.0 for name in OFFSETS])
+    states = states._replace(pose=states.pose + offset)
+    return np.asarray(PinocchioMethod(machine, loop_of(machine)).solve(states).forces)
+
+
+_BINDING = 1e-4  # margin below which a constraint is called binding, as a share of its bound
+
+_MISSED = 1e-3  # violation on finer grids that is told
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +167,7 @@ class Optimum:
         if moved:
             notes.append(f"for the motion moved in {', '.join(moved)}, which no machine file holds")
         if self.check.difference > 1e-6 * self.check.largest:
-            notes.append(f"the two ways to the forces differ by {self.check.difference:.2g} N")
+            notes.append(f"the two methods differ by {self.check.difference:.2g} N")
         sign = 1.0 if self.problem.objectives[0].better == "small" else -1.0
         good = [a.value for a in self.attempts if a.violation == 0]
         if len(self.attempts) > 1:
@@ -135,11 +183,6 @@ class Optimum:
         ----------
         path : path-like
             The YAML file; replaced whole or not at all.
-
-        Returns
-        -------
-        Path
-            The path written.
 
         Raises
         ------

@@ -13,69 +13,110 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.errors import InputError
+from p3dof._base.time_series.wrenches import Load, WrenchOverTime
 from p3dof.analysis.designs import DesignEvaluation, DesignForces, Designs
-from p3dof.analysis.designs.columns import BodiesOfDesigns
-from p3dof.analysis.designs.figures import FigureGroup, Sampled, sampled
+from p3dof.analysis.designs.columns import DENSITY, LENGTHS, OFFSETS, BodiesOfDesigns
+from p3dof.analysis.designs.figures import (
+    FigureGroup,
+    Outputs,
+    Sampled,
+    Samples,
+    derivatives,
+    sampled,
+    samples_of,
+)
 from p3dof.analysis.designs.folding import Folded, folding_of
-from p3dof.analysis.designs.formula import Outputs, derivatives
-from p3dof.analysis.designs.names import DENSITY, LENGTHS, OFFSETS
-from p3dof.analysis.designs.samples import Samples, samples_of
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Model
-from p3dof.design.optimisation.box import Box
 from p3dof.machine.motion import Motion
-from p3dof.machine.motion.wrenches import Load, WrenchOverTime
 from p3dof.machine.parameters import STEEL_DENSITY, Dimensions, Parameters
 from p3dof.machine.parameters.solids import scales
 
-STEP = 1e-60
-"""Of complex steps; nothing is subtracted, so that it may be so small."""
+GRID = (9, 13)  # poses along y and θ
+
+
+@dataclass(frozen=True)
+class Box(Readable):
+    """A box of poses y0 ≤ y ≤ y1, θ0 ≤ θ ≤ θ1: within it, measures of poses take the worst one.
+
+    Height, reach and distance from singularities are those of the whole box, exactly; other measures take
+    the poses of a grid with the borders of the box in it. None depends on z: all sliders move alike with it.
+
+    Parameters
+    ----------
+    y : tuple of float
+        Ends along y [m].
+    theta : tuple of float
+        Ends of the rotation [rad].
+    grid : tuple of int
+        How many poses along y and along θ, from 2 to 201 each.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    """
+
+    y: tuple[float, float]
+    theta: tuple[float, float]
+    grid: tuple[int, int] = GRID
+
+    def __post_init__(self) -> None:
+        for name in ("y", "theta"):
+            low, high = (float(end) for end in frozen_array(f"box.{name}", getattr(self, name), (2,)))
+            if not low < high:
+                raise InputError(
+                    f"box.{name}: expected the lower end below the upper one, got {low:g} and {high:g}"
+                )
+            object.__setattr__(self, name, (low, high))
+        if not isinstance(self.grid, tuple | list) or len(self.grid) != 2:
+            raise InputError("box.grid: expected two numbers of poses")
+        for count in self.grid:
+            if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= 201:
+                raise InputError(f"box.grid: expected whole numbers from 2 to 201, got {count!r}")
+        object.__setattr__(self, "grid", tuple(self.grid))
+
+    @property
+    def poses(self) -> tuple[FloatArray, FloatArray]:
+        """Y and θ of all poses of the grid, (G,) each."""
+        y, theta = (np.linspace(*ends, n) for ends, n in zip((self.y, self.theta), self.grid, strict=True))
+        found = np.meshgrid(y, theta, indexing="ij")
+        return found[0].ravel(), found[1].ravel()
+
+    @property
+    def corners(self) -> tuple[FloatArray, FloatArray]:
+        """Y and θ of the middle of the box and of its corners, (5,) each."""
+        (y0, y1), (t0, t1) = self.y, self.theta
+        middle = (y0 + y1) / 2, (t0 + t1) / 2
+        return np.array([middle[0], y0, y0, y1, y1]), np.array([middle[1], t0, t1, t0, t1])
+
+    def finer(self, times: int) -> Box:
+        """Return the same box with a grid that is several times finer."""
+        grid = tuple(min((count - 1) * times + 1, 201) for count in self.grid)
+        return Box(self.y, self.theta, (grid[0], grid[1]))
+
+
+STEP = 1e-60  # of complex steps; nothing is subtracted, so that it may be so small
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What all designs of a problem share.
+    """What all designs of a problem share."""
 
-    Parameters
-    ----------
-    machine : Parameters
-        What has no column.
-    bodies : {"kept", "solids"}
-        Where bodies come from; see `Designs`.
-    fixed : mapping of str to float
-        Columns that are the same for all, by full names.
-    names : tuple of str
-        Full names of the variables.
-    motion : Motion
-        What all do.
-    wrench : array-like or callable, optional
-        External force and moment on the platform.
-    box : Box, optional
-        The poses that all must reach.
-    modulus, drive_stiffness : float
-        Of the rods' material [Pa], and of one drive [N/m].
-    figures : tuple of str
-        Groups of figures that measures need of the motion.
-    level : str, optional
-        What to run on.
-    threads : int, optional
-        How many threads.
-    """
-
-    machine: Parameters
-    bodies: BodiesOfDesigns
-    fixed: Mapping[str, float]
-    names: tuple[str, ...]
-    motion: Motion
-    wrench: WrenchOverTime
-    box: Box | None
-    modulus: float
+    machine: Parameters  # what has no column
+    bodies: BodiesOfDesigns  # where bodies come from; see `Designs`
+    fixed: Mapping[str, float]  # columns that are the same for all, by full names
+    names: tuple[str, ...]  # full names of the variables
+    motion: Motion  # what all do
+    wrench: WrenchOverTime  # external force and moment on the platform
+    box: Box | None  # the poses that all must reach
+    modulus: float  # of the rods' material [Pa], and of one drive [N/m]
     drive_stiffness: float
-    figures: tuple[FigureGroup, ...] = ()
-    level: str | None = None
-    threads: int | None = None
+    figures: tuple[FigureGroup, ...] = ()  # groups of figures that measures need of the motion
+    level: str | None = None  # what to run on
+    threads: int | None = None  # how many threads
     samples: Samples = field(init=False)
 
     def __post_init__(self) -> None:
@@ -108,15 +149,7 @@ class Setting:
 
 
 class Numbers:
-    """Lengths, sizes of solids and the numbers of the dynamics of some designs, each (D, 1).
-
-    Parameters
-    ----------
-    setting : Setting
-        What they share.
-    columns : mapping of str to ndarray, shape (D,)
-        What differs; one of them may be complex.
-    """
+    """Lengths, sizes of solids and the numbers of the dynamics of some designs, each (D, 1)."""
 
     def __init__(self, setting: Setting, columns: Mapping[str, Any]) -> None:
         self._setting, self._columns = setting, columns
@@ -155,13 +188,7 @@ class Numbers:
         return self._columns[DENSITY][:, None] if DENSITY in self._columns else STEEL_DENSITY
 
     def size(self, name: str) -> Any:
-        """Return a size of solids, such as ``rod_radius`` [m].
-
-        Raises
-        ------
-        InputError
-            If the bodies are not made of solids.
-        """
+        """Return a size of solids, such as ``rod_radius`` [m]."""
         if self._setting.bodies != "solids":
             raise InputError(
                 f"the {name.replace('_', ' ')} is known of bodies of solids only: bodies='solids'"
@@ -187,15 +214,7 @@ class Numbers:
 
 
 class Population:
-    """Some designs of a problem.
-
-    Parameters
-    ----------
-    setting : Setting
-        What they share.
-    values : ndarray, shape (D, n)
-        Their variables.
-    """
+    """Some designs of a problem."""
 
     def __init__(self, setting: Setting, values: FloatArray) -> None:
         self.setting, self.values = setting, values

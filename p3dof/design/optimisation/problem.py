@@ -1,23 +1,131 @@
-"""`DesignProblem`: which machine would be better, and the ways to it."""
+"""`DesignProblem`: which machine would be better, and the ways to it.
+
+A design problem as a YAML file.
+
+Such as this one::
+
+    machine: machine.yaml               # a parameter file, or its content; the paper's machine without it
+    motion: {paper: 201}                # samples of the paper's motion, or a motion file: motion.csv
+    bodies: solids                      # computed anew for each design; or kept
+    variables:                          # named as the columns of `p3dof designs`
+      R: [150 mm, 500 mm]
+      L: [200 mm, 800 mm]
+      rod_radius: [3 mm, 15 mm]
+    fixed: {slider_edge: 50 mm}         # the same for all designs
+    box: {y: [-100 mm, 100 mm], theta: [-30 deg, 30 deg]}
+    objectives: [peak_force, width]
+    constraints:
+      singularity: {min: 15 deg}
+      width: {max: 500 mm}
+      relations: [R >= r + 0.03]        # linear, in SI units
+    robust:                             # of machines as they are built, by standard deviations
+      sigma: {R: 0.5 mm, L: 0.5 mm}
+      measures: [peak_force, singularity]
+      k: 3
+    count: 100000                       # how many designs, for `p3dof sweep` alone
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
-from p3dof._base.blocks import Reduction, Sweep, sweep
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.blocks import Block, ParetoArchive, Reduction, Samples, Sweep, Uniform, sweep
 from p3dof._base.blocks.sampling import Method
 from p3dof._base.checks import Progress
-from p3dof.design.optimisation.evolution import GENERATIONS
-from p3dof.design.optimisation.front import Front
+from p3dof._base.errors import InputError, P3dofError
+from p3dof._base.files import called, parse_yaml, read_text
+from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
+from p3dof.analysis.designs.files import listed, machine_of, mapping, motion_of, named, number_of, wrench_of
+from p3dof.design.optimisation.constraints import Constraint, constraints_of
+from p3dof.design.optimisation.evolution import GENERATIONS, Journal
 from p3dof.design.optimisation.measure import Measure
-from p3dof.design.optimisation.minimising import STARTS, Optimiser, minimise
+from p3dof.design.optimisation.minimising import (
+    STARTS,
+    Optimiser,
+    asking,
+    by_descents,
+    by_evolution,
+    require_effort,
+)
 from p3dof.design.optimisation.optimum import Optimum
 from p3dof.design.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
-from p3dof.design.optimisation.pareto import POINTS, POPULATION, FrontMethod, pareto
-from p3dof.design.optimisation.statement import Statement
-from p3dof.design.optimisation.sweeping import ProblemSweep
+from p3dof.design.optimisation.pareto import POINTS, POPULATION, Front, FrontMethod, front_of, require_front
+from p3dof.design.optimisation.population import GRID, Box
+from p3dof.design.optimisation.robust import Robust
+from p3dof.design.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS, Statement
+
+
+class ProblemSweep:
+    """Designs that fill the bounds of a design problem, for `p3dof.sweep`.
+
+    The columns are the variables by their full names, the objectives and the bounded measures by theirs,
+    ``violation`` (0 for designs that keep all constraints) and ``status`` (a `DesignStatus`). Objectives of
+    designs that miss constraints are NaN, so that reductions leave them out.
+    """
+
+    def __init__(
+        self, problem: Statement, count: int, sampling: Method = "sobol", block_size: int = 5000
+    ) -> None:
+        bounds = zip(problem.variables.low.tolist(), problem.variables.high.tolist(), strict=True)
+        spreads = (Uniform(low, high) for low, high in bounds)
+        self.sampling = Samples(dict(zip(problem.variables.names, spreads, strict=True)), count, sampling)
+        self.problem, self.block_size = problem, block_size
+
+    @property
+    def count(self) -> int:
+        """How many designs there are."""
+        return self.sampling.count
+
+    @cached_property
+    def _measures(self) -> dict[str, Measure]:
+        named = {measure.name: measure for measure in self.problem.objectives}
+        for index, item in enumerate(self.problem.constraints):
+            simple = item.measure.name.replace("_", "").isalnum()
+            named.setdefault(item.measure.name if simple else f"relation_{index}", item.measure)
+        return named
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return (*self.problem.variables.names, *self._measures, "violation", "status")
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the columns that have one."""
+        known = dict(zip(self.problem.variables.names, self.problem.variables.units, strict=True))
+        known |= {name: measure.unit for name, measure in self._measures.items()}
+        return {name: unit for name, unit in known.items() if unit}
+
+    @property
+    def reductions(self) -> tuple[ParetoArchive, ...]:
+        """What to find where nobody says: the Pareto front of the objectives."""
+        ways: Any = {m.name: "min" if m.better == "small" else "max" for m in self.problem.objectives}
+        return (ParetoArchive(ways),)
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that the results depend on."""
+        return {"problem": self.problem.settings(), "sampling": dict(self.sampling.settings())}
+
+    def compute(self, block: Block) -> dict[str, NDArray[Any]]:
+        """Return the columns of a block."""
+        drawn = self.sampling.draw(block)
+        found = self.problem.evaluate(np.column_stack(list(drawn.values())))
+        good, columns = found.feasible, dict[str, NDArray[Any]](drawn)
+        objectives = {measure.name for measure in self.problem.objectives}
+        values = np.concatenate([found.objectives, found.constraints], axis=1)
+        measures = [*self.problem.objectives, *(item.measure for item in self.problem.constraints)]
+        for name, measure in self._measures.items():
+            column = values[:, next(k for k, each in enumerate(measures) if each is measure)]
+            columns[name] = np.where(good, column, np.nan) if name in objectives else column
+        return {**columns, "violation": found.violation, "status": found.status.astype(np.int64)}
 
 
 class DesignProblem(Statement):
@@ -60,12 +168,6 @@ class DesignProblem(Statement):
     ------
     InputError
         If an argument does not fit.
-
-    Examples
-    --------
-    >>> import p3dof
-    >>> problem = p3dof.DesignProblem({"R": ("200 mm", "300 mm"), "L": ("350 mm", "500 mm")})
-    >>> problem.gradient([0.25, 0.4])["peak_force"].round(2)
     """
 
     def minimise(
@@ -108,40 +210,24 @@ class DesignProblem(Statement):
         progress : callable, optional
             Called with starts (or generations) done and all of them.
 
-        Returns
-        -------
-        Optimum
-
         Raises
         ------
         OptimisationError
-            If no design keeps all constraints: the message names them, and what is missing.
+            If no design satisfies all constraints: the message names them, and what is missing.
         InputError
             If an argument does not fit.
         SweepError
             If the folder holds another optimisation, or this one without `resume`.
         FileError
             If something cannot be read or written.
-
-        Examples
-        --------
-        >>> import p3dof
-        >>> problem = p3dof.DesignProblem({"R": (0.2, 0.3), "L": (0.35, 0.5)})
-        >>> problem.minimise().design.round(3)
         """
-        return minimise(
-            self,
-            objective,
-            subject_to,
-            method=method,
-            starts=starts,
-            generations=generations,
-            seed=seed,
-            polish=polish,
-            store=store,
-            resume=resume,
-            progress=progress,
-        )
+        asked = asking(self, objective, subject_to)
+        require_effort(method, starts, generations, seed)
+        effort = {"method": method, "starts": starts, "generations": generations, "seed": int(seed)}
+        with Journal(store, {"what": "minimise", "problem": asked.settings(), **effort}, resume) as journal:
+            if method == "evolution":
+                return by_evolution(asked, seed, generations, polish, journal, progress)
+            return by_descents(asked, starts, seed, journal, progress)
 
     def pareto(
         self,
@@ -181,36 +267,22 @@ class DesignProblem(Statement):
         progress : callable, optional
             Called with generations, then points done and all of them.
 
-        Returns
-        -------
-        Front
-
         Raises
         ------
         OptimisationError
-            If no design keeps all constraints.
-        InputError
-            If an argument does not fit.
-        SweepError
-            If the folder holds another optimisation, or this one without `resume`.
-        FileError
-            If something cannot be read or written.
+            If no design satisfies all constraints.
+        InputError, SweepError, FileError
+            As `minimise`.
         MissingExtraError
             If pymoo is needed and not installed.
         """
-        return pareto(
-            self,
-            objectives,
-            method=method,
-            points=points,
-            population=population,
-            generations=generations,
-            polish=polish,
-            seed=seed,
-            store=store,
-            resume=resume,
-            progress=progress,
-        )
+        asked = self if objectives is None else self.asking(tuple(objectives))
+        effort = {"method": method, "points": points, "population": population, "generations": generations}
+        require_front(asked, method, points, population, generations, seed)
+        about = {"what": "pareto", "problem": asked.settings(), **effort}
+        with Journal(store, {**about, "polish": bool(polish), "seed": int(seed)}, resume) as journal:
+            numbers = points, population, generations
+            return front_of(asked, method, numbers, polish, seed, journal, progress)
 
     def sweep(
         self,
@@ -248,10 +320,6 @@ class DesignProblem(Statement):
         **options
             Further ones of `p3dof.sweep`: workers, keep, block_size, format, shared, in_flight.
 
-        Returns
-        -------
-        Sweep
-
         Raises
         ------
         InputError, SweepError, FileError
@@ -260,3 +328,128 @@ class DesignProblem(Statement):
         problem = ProblemSweep(self, count, sampling)
         options["reductions"] = problem.reductions if reductions is None else tuple(reductions)
         return sweep(problem, store, client=client, seed=seed, resume=resume, progress=progress, **options)
+
+
+FIELDS = (
+    "machine",
+    "motion",
+    "bodies",
+    "wrench",
+    "variables",
+    "fixed",
+    "box",
+    "objectives",
+    "constraints",
+    "robust",
+    "modulus",
+    "drive_stiffness",
+)
+"""The fields of the file; `reference/problem.schema.json` has their forms."""
+
+OF_SWEEPS = ("sampling", "count", "seed", "block_size", "keep", "format", "reductions")
+"""Fields for `p3dof sweep`, which reads the same file."""
+
+_LARGEST_FILE = 1_000_000
+
+
+def read_problem(path: str | os.PathLike[str], any_size: bool = False) -> DesignProblem:
+    """Read a design problem from a YAML file; files that it names are beside it.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    any_size : bool
+        Take a machine of more than 20 m or less than 1 mm too.
+
+    Raises
+    ------
+    InputError
+        If a field is missing, unknown, or does not fit; the message names file and field.
+    FileError, ParameterError, MotionError
+        If a file that it names cannot be read, or is not right.
+    """
+    name = called(path)
+    data = mapping(parse_yaml(read_text(path, _LARGEST_FILE), name, InputError), name, (*FIELDS, *OF_SWEEPS))
+    return problem_of(data, Path(name).parent, name, any_size)
+
+
+def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool = False) -> DesignProblem:
+    """Return the problem that the fields of a file describe."""
+    if "variables" not in data:
+        raise InputError(f"{name}: the field 'variables' is missing")
+    objectives = data.get("objectives", ["peak_force"])
+    if isinstance(objectives, str):
+        objectives = [objectives]
+    variables = mapping(data["variables"], f"{name}: variables", None)
+    robust = _robust(data["robust"], f"{name}: robust") if data.get("robust") is not None else {}
+    made = named(
+        name,
+        lambda: DesignProblem(
+            variables,
+            motion_of(data.get("motion", {"paper": SAMPLES}), folder, f"{name}: motion"),
+            [_as_built(item, robust) for item in listed(objectives, f"{name}: objectives")],
+            _of_built(_constraints(data.get("constraints"), f"{name}: constraints"), robust),
+            box=_box(data["box"], f"{name}: box") if data.get("box") is not None else None,
+            machine=machine_of(data.get("machine"), folder, f"{name}: machine", any_size),
+            bodies=data.get("bodies", "kept"),
+            fixed=data.get("fixed"),
+            wrench=wrench_of(data.get("wrench"), folder, f"{name}: wrench"),
+            modulus=number_of(data.get("modulus", STEEL_MODULUS), PRESSURE, f"{name}: modulus"),
+            drive_stiffness=number_of(
+                data.get("drive_stiffness", DRIVE_STIFFNESS), STIFFNESS, f"{name}: drive_stiffness"
+            ),
+        ),
+    )
+    used = {measure.name for measure in (*made.objectives, *(item.measure for item in made.constraints))}
+    for plain, measure in robust.items():
+        if measure.name not in used:
+            raise InputError(f"{name}: robust.measures: {plain} is no objective, and has no bound")
+    return made
+
+
+def _robust(value: Any, where: str) -> dict[str, Robust]:
+    """Return measures of machines as they are built, by the names of the measures that they are made of."""
+    fields = dict(mapping(value, where, ("sigma", "measures", "k", "kind", "points", "seed")))
+    for key in ("sigma", "measures"):
+        if key not in fields:
+            raise InputError(f"{where}: the field {key!r} is missing")
+    names = listed(fields.pop("measures"), f"{where}.measures")
+    return {str(name): named(where, partial(Robust, name, **fields)) for name in names}
+
+
+def _as_built(given: Any, robust: Mapping[str, Robust]) -> Any:
+    return robust.get(given, given) if isinstance(given, str) else given
+
+
+def _of_built(given: Any, robust: Mapping[str, Robust]) -> tuple[Constraint, ...]:
+    """Return constraints, bounds on some measures being those on machines as they are built."""
+    return tuple(
+        replace(item, measure=_as_built(item.measure.name, robust)) if item.measure.name in robust else item
+        for item in constraints_of(given)
+    )
+
+
+def _constraints(given: Any, where: str) -> Any:
+    if given is None:
+        return ()
+    return given if isinstance(given, list) else mapping(given, where, None)
+
+
+def _box(value: Any, where: str) -> Box:
+    fields = mapping(value, where, ("y", "theta", "grid"))
+    ends = {}
+    for key, quantity in (("y", LENGTH), ("theta", ANGLE)):
+        if key not in fields:
+            raise InputError(f"{where}: the field {key!r} is missing")
+        try:
+            pair = [
+                number_of(end, quantity, f"{where}.{key}") for end in listed(fields[key], f"{where}.{key}")
+            ]
+        except P3dofError as error:
+            raise InputError(str(error)) from error
+        if len(pair) != 2:
+            raise InputError(f"{where}.{key}: expected two ends, got {len(pair)}")
+        ends[key] = (pair[0], pair[1])
+    grid = fields.get("grid", list(GRID))
+    return named(where, lambda: Box(**ends, grid=tuple(listed(grid, f"{where}.grid"))))

@@ -16,11 +16,10 @@ import numpy as np
 
 from p3dof._base.blocks import Block, Normal, Samples
 from p3dof._base.blocks.problem import whole
-from p3dof._base.checks import FloatArray, positive, shown
+from p3dof._base.checks import FloatArray, Readable, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.designs.columns import numbers_of
+from p3dof.analysis.designs.columns import QUANTITIES, SIZES, full_name, numbers_of
 from p3dof.analysis.designs.figures import FigureGroup
-from p3dof.analysis.designs.names import QUANTITIES, SIZES, full_name
 from p3dof.analysis.tolerances.directions import amount_of, direction_of
 from p3dof.design.optimisation.measure import Better, Pieces, worst_gradient
 from p3dof.design.optimisation.measures import measure_of
@@ -29,14 +28,13 @@ from p3dof.design.optimisation.population import Population, Setting
 RobustKind: TypeAlias = Literal["spread", "worst"]
 """Mean and `k` standard deviations, or the worst of all corners that are `k` standard deviations off."""
 
-_MOST_CORNERS = 8
-"""Most parameters of which all corners are looked at."""
+_MOST_CORNERS = 8  # most parameters of which all corners are looked at
 
 _LARGEST = 4096
 
 
 @dataclass(frozen=True)
-class Robust:
+class Robust(Readable):
     """A measure of machines whose parts are not exactly what the design says.
 
     Parameters
@@ -62,14 +60,6 @@ class Robust:
     ------
     InputError
         If an argument does not fit.
-
-    Examples
-    --------
-    >>> import p3dof
-    >>> from p3dof.design.optimisation import Robust
-    >>> robust = Robust("peak_force", {"R": "0.5 mm", "platform.mass": "2 %"}, k=2)
-    >>> problem = p3dof.DesignProblem({"R": (0.2, 0.3), "L": (0.35, 0.5)}, objectives=[robust, "peak_force"])
-    >>> problem.evaluate([0.25, 0.4]).objectives.round(2)
     """
 
     measure: Any
@@ -155,27 +145,13 @@ class _Sizes(dict[str, Any]):
 
 
 class _Around(NamedTuple):
-    """Machines around designs.
+    """Machines around designs."""
 
-    Parameters
-    ----------
-    setting : Setting
-        Of the designs, with all columns that are moved as further variables.
-    variables : int
-        How many variables designs have; further ones follow.
-    base : ndarray, shape (n',)
-        Numbers of the further columns; 0 for variables.
-    moves : ndarray, shape (M, n')
-        What is added to each column, in SI units.
-    factors : ndarray, shape (M, n')
-        What each column is multiplied by first.
-    """
-
-    setting: Setting
-    variables: int
-    base: FloatArray
-    moves: FloatArray
-    factors: FloatArray
+    setting: Setting  # of the designs, with all columns that are moved as further variables
+    variables: int  # how many variables designs have; further ones follow
+    base: FloatArray  # (n',): numbers of the further columns; 0 for variables
+    moves: FloatArray  # (M, n'): what is added to each column, in SI units
+    factors: FloatArray  # (M, n'): what each column is multiplied by first
 
     def population(self, population: Population) -> Population:
         """Return the machines around each of some designs, M each."""

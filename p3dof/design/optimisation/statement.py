@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -11,36 +13,76 @@ from typing import Any
 import numpy as np
 from typing_extensions import Self
 
+from p3dof._base.blocks import digest
 from p3dof._base.checks import FloatArray, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.designs.columns import BodiesOfDesigns, numbers_of
-from p3dof.analysis.designs.names import DENSITY, KINDS, SIZES, full_name
+from p3dof._base.time_series.wrenches import WrenchOverTime
+from p3dof.analysis.designs.columns import DENSITY, KINDS, SIZES, BodiesOfDesigns, full_name, numbers_of
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.design.optimisation.bounds import constraints_of
-from p3dof.design.optimisation.box import Box
-from p3dof.design.optimisation.constraints import Constraint
-from p3dof.design.optimisation.evaluated import Asked, Evaluated
-from p3dof.design.optimisation.measure import Measure, worst_gradient
+from p3dof.design.optimisation.constraints import Constraint, constraints_of
+from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, quantity_in_si
+from p3dof.design.optimisation.measure import FunctionMeasure, Measure, worst_gradient
 from p3dof.design.optimisation.measures import measure_of
-from p3dof.design.optimisation.population import Population, Setting
-from p3dof.design.optimisation.settings import settings_of
-from p3dof.design.optimisation.variables import Variables, quantity_in_si
+from p3dof.design.optimisation.population import Box, Population, Setting
+from p3dof.design.optimisation.robust import Robust
 from p3dof.machine.motion import Motion, paper_motion
-from p3dof.machine.motion.wrenches import WrenchOverTime
 from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
 
-STEEL_MODULUS = 210e9
-"""Young's modulus of steel [Pa]."""
 
-DRIVE_STIFFNESS = 1e7
-"""Of one drive, where nobody says [N/m]."""
+def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
+    """Return what results depend on, for JSON; measures of one's own count by their names and functions."""
+    variables, box, motion = asked.variables, setting.box, setting.motion
+    machine = json.dumps(setting.machine.to_dict(), sort_keys=True)
+    bounds = zip(variables.names, variables.low.tolist(), variables.high.tolist(), strict=True)
+    return {
+        "variables": {name: [low, high] for name, low, high in bounds},
+        "objectives": [_measure(measure) for measure in asked.objectives],
+        "constraints": [_constraint(item) for item in asked.constraints],
+        "box": None if box is None else {"y": list(box.y), "theta": list(box.theta), "grid": list(box.grid)},
+        "bodies": setting.bodies,
+        "fixed": dict(setting.fixed),
+        "machine": hashlib.sha256(machine.encode()).hexdigest(),
+        "motion": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
+        "wrench": None if setting.wrench is None else digest(setting.wrench),
+        "modulus": setting.modulus,
+        "drive_stiffness": setting.drive_stiffness,
+        "level": setting.level,
+    }
 
-SAMPLES = 201
-"""Of the paper's motion, where no motion is given."""
 
-_CHUNK = 2048
-"""Designs that are evaluated at a time."""
+def _measure(measure: Measure) -> dict[str, Any]:
+    kind = type(measure)
+    found: dict[str, Any] = {
+        "name": measure.name,
+        "kind": f"{kind.__module__}.{kind.__qualname__}",
+        "better": measure.better,
+    }
+    if isinstance(measure, FunctionMeasure):
+        function = measure.function
+        found["function"] = getattr(function, "__qualname__", type(function).__qualname__)
+    if isinstance(measure, Robust):
+        found |= {
+            "sigma": dict(measure.sigma),
+            "k": measure.k,
+            "points": measure.points,
+            "seed": measure.seed,
+        }
+        found["of"] = _measure(measure.measure)
+    return found
+
+
+def _constraint(item: Constraint) -> dict[str, Any]:
+    return {**_measure(item.measure), "at_least": item.at_least, "bound": item.bound}
+
+
+STEEL_MODULUS = 210e9  # young's modulus of steel [Pa]
+
+DRIVE_STIFFNESS = 1e7  # of one drive, where nobody says [N/m]
+
+SAMPLES = 201  # of the paper's motion, where no motion is given
+
+_CHUNK = 2048  # designs that are evaluated at a time
 
 
 class Statement:
@@ -117,17 +159,12 @@ class Statement:
         return np.array(found)
 
     def evaluate(self, designs: Any) -> Evaluated:
-        """Return objectives and constraints of designs.
+        """Return objectives and constraints of designs; NaN where a design cannot make the motion.
 
         Parameters
         ----------
         designs : array-like, shape (D, n) or (n,)
             Their variables, in the order of the problem [SI units].
-
-        Returns
-        -------
-        Evaluated
-            NaN where a design cannot make the motion.
 
         Raises
         ------
@@ -160,7 +197,7 @@ class Statement:
         return found[0], found[1], status
 
     def gradient(self, design: Any) -> dict[str, FloatArray]:
-        """Return the exact derivatives of all objectives and of all bounded measures at one design.
+        """Return exact derivatives (n,) of all objectives and bounded measures at one design, by their names.
 
         A peak changes as the force at its sample does: where two samples tie, that is the derivative to one
         side.
@@ -170,15 +207,10 @@ class Statement:
         design : array-like, shape (n,)
             Its variables [SI units].
 
-        Returns
-        -------
-        dict of str to ndarray, shape (n,)
-            By the names of measures, in their units by those of the variables.
-
         Raises
         ------
         InputError
-            If the design has another shape, or cannot make the motion.
+            If the design has another shape, or cannot perform the motion.
         """
         row = self.variables.rows(design)[:1]
         population = Population(self.setting, row)
@@ -203,10 +235,6 @@ class Statement:
         design : array-like, shape (n,)
             Its variables [SI units].
 
-        Returns
-        -------
-        machine : Parameters
-
         Raises
         ------
         InputError
@@ -225,10 +253,6 @@ class Statement:
             What to make better instead.
         constraints : sequence of Constraint
             What must be kept besides.
-
-        Returns
-        -------
-        DesignProblem
 
         Raises
         ------
@@ -262,10 +286,6 @@ class Statement:
         ----------
         times : int
             How many times.
-
-        Returns
-        -------
-        DesignProblem
         """
         new, setting = self.asking(), self.setting
         motion = setting.motion.resampled((len(setting.motion) - 1) * times + 1)

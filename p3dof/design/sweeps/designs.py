@@ -2,32 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
+from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.blocks import Block, Sampling, digest
+from p3dof._base.time_series.wrenches import Load, WrenchOverTime
 from p3dof.analysis.designs import DesignEvaluation, DesignForces, Designs
-from p3dof.analysis.designs.columns import BodiesOfDesigns
+from p3dof.analysis.designs.columns import QUANTITIES, BodiesOfDesigns, columns_of
 from p3dof.analysis.designs.figures import BITS, FigureGroup
-from p3dof.analysis.designs.names import QUANTITIES, columns_of
 from p3dof.analysis.designs.results import RESULT_UNITS
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.design.sweeps.description import motion_settings
 from p3dof.machine.motion import Motion
-from p3dof.machine.motion.wrenches import Load, WrenchOverTime
 from p3dof.machine.parameters import PAPER, Parameters
+
+_SHORT = 16  # longest array that is told number by number
+
+_DEEPEST = 8
+
+
+def described(value: Any) -> Any:
+    """Return plain data that differ where an object differs: its class and its attributes, arrays as hashes.
+
+    For JSON. What is not made of these counts by its class alone.
+    """
+    return _described(value, 0)
+
+
+def _described(value: Any, depth: int) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return repr(value) if isinstance(value, float) and not np.isfinite(value) else value
+    for kinds, tell in _KNOWN.items():
+        if isinstance(value, kinds):
+            return tell(value)
+    kind = type(value)
+    if depth > _DEEPEST:
+        return kind.__qualname__
+    if isinstance(value, list | tuple):
+        return [_described(item, depth + 1) for item in value]
+    parts = value if isinstance(value, Mapping) else getattr(value, "__dict__", {})
+    found = {str(name): _described(item, depth + 1) for name, item in parts.items()}
+    return (
+        found if isinstance(value, Mapping) else {"kind": f"{kind.__module__}.{kind.__qualname__}", **found}
+    )
+
+
+def _of_array(value: Any) -> Any:
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        return [_described(item, _DEEPEST) for item in array.ravel().tolist()]
+    if array.size <= _SHORT and np.isfinite(array).all():
+        return array.tolist()
+    return {"shape": list(array.shape), "sha256": digest(array)}
+
+
+def _of_machine(machine: Parameters) -> dict[str, str]:
+    text = json.dumps(machine.to_dict(), sort_keys=True)
+    return {"kind": "Parameters", "sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
+def _of_function(function: Any) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def motion_settings(motion: Motion) -> dict[str, Any]:
+    """Return what tells a motion from others."""
+    return {
+        "samples": len(motion),
+        "from": float(motion.time[0]),
+        "to": float(motion.time[-1]),
+        "sha256": digest(motion.time, motion.pose, motion.velocity, motion.acceleration),
+    }
+
+
+_KNOWN: dict[tuple[type, ...], Callable[[Any], Any]] = {
+    (np.ndarray, np.generic): _of_array,
+    (Parameters,): _of_machine,
+    (Motion,): motion_settings,
+    (FunctionType, BuiltinFunctionType, MethodType): _of_function,
+}
+"""What is told in another way than by its attributes."""
+
 
 WORST = ("peak_force", "rms_force", "peak_speed", "peak_power", "peak_braking")
 """Figures of three actuators of which there is a column with the largest too."""
 
 
 class DesignSweep:
-    """The forces of machines over one motion, for `p3dof.sweep`: what `p3dof.forces_of_designs` finds.
+    """The forces of machines over one motion, for `p3dof.sweep`: what `forces_of_designs` finds.
 
     The columns are the inputs, by their full names (``geometry.R``, in SI units), and the figures: ``status``
     (a `DesignStatus`, 0 for designs that make the motion), ``reach``, ``peak_force_a`` and so on, without

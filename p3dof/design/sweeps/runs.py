@@ -1,4 +1,4 @@
-"""`RunSweep`: runs in time of any number of machines, as a problem of `p3dof.sweep`."""
+"""`RunSweep`: simulations of any number of machines, as a problem of `p3dof.sweep`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from p3dof._base.checks import positive
 from p3dof._base.errors import InputError
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.design.sweeps.description import described
+from p3dof.design.sweeps.designs import described
 from p3dof.machine.parameters import PAPER, Parameters
 from p3dof.runs.many import ManyRuns, simulate_many
 from p3dof.runs.many.columns import run_columns_of, unit_of
@@ -27,10 +27,10 @@ _LEFT_OUT = ("histories", "every", "threads", "progress", "level")
 
 
 class RunSweep:
-    """Runs in time, each with its own machine, start, gains and noise, for `p3dof.sweep`.
+    """Simulations, each with its own machine, start, gains and noise, for `p3dof.sweep`.
 
     The columns are the inputs, by their full names (``geometry.L``, in SI units), and what
-    `p3dof.simulate_many` counts: ``stop`` (why a run ended, as of `p3dof.runs.many.reason_of`; -1 at its
+    `p3dof.runs.simulate_many` counts: ``stop`` (why a run ended, as of `p3dof.runs.many.reason_of`; -1 at its
     end), ``end`` (when [s]), the pose ``y``, ``z``, ``theta`` and ``velocity_y`` and so on at the end,
     ``peak_error_y``, ``rms_error_y``, ``peak_force_a``, ``rms_force_a``, the largest of the three
     ``peak_force`` and ``rms_force``, ``work`` and ``energy``.
@@ -38,7 +38,7 @@ class RunSweep:
     Parameters
     ----------
     sampling : Sampling
-        The columns that differ between runs, named as `p3dof.simulate_many` takes them.
+        The columns that differ between runs, named as `p3dof.runs.simulate_many` takes them.
     duration : float
         How long each run is [s].
     machine : Parameters, optional
@@ -48,7 +48,7 @@ class RunSweep:
     block_size : int
         Runs of a block where nobody says how many.
     **options
-        Of `p3dof.simulate_many`: start, controller, control, reference, wrench, stop_at, integration. The
+        Of `simulate_many`: start, controller, control, reference, wrench, stop_at, integration. The
         noise of a run has the seed of its `Noise` plus the number of the run, unless there is a column
         ``seed``.
 

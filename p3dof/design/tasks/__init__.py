@@ -1,13 +1,12 @@
 """Tasks: where the platform has to go, what it carries and bears on the way, and the motion that does it."""
 
 from p3dof.design.tasks.files import read_task, write_task
+from p3dof.design.tasks.laws import PROFILES
 from p3dof.design.tasks.limits import AxisLimits
-from p3dof.design.tasks.paths import Path
+from p3dof.design.tasks.paths import Path, Waypoint
 from p3dof.design.tasks.plan import Piece, Plan
-from p3dof.design.tasks.profiles import PROFILES
+from p3dof.design.tasks.smooth import FastestPlan, LimitUse
 from p3dof.design.tasks.task import PATHS, Task
-from p3dof.design.tasks.uses import FastestPlan, LimitUse
-from p3dof.design.tasks.waypoints import Waypoint
 
 __all__ = [
     "PATHS",

@@ -36,22 +36,11 @@ import yaml
 from p3dof._base.checks import shown
 from p3dof._base.errors import ParameterError, TaskError
 from p3dof._base.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
+from p3dof._base.quantities import ANGLE, FORCE, JERK, LENGTH, MASS, MOMENT, POWER, SPEED, TIME, Quantity
+from p3dof.design.tasks.paths import Waypoint
 from p3dof.design.tasks.task import Task
-from p3dof.design.tasks.waypoints import Waypoint
 from p3dof.machine.parameters import LEGS
-from p3dof.machine.parameters.plain import read_body, read_fields
-from p3dof.machine.parameters.quantities import (
-    ANGLE,
-    FORCE,
-    JERK,
-    LENGTH,
-    MASS,
-    MOMENT,
-    POWER,
-    SPEED,
-    TIME,
-    Quantity,
-)
+from p3dof.machine.parameters.machine import read_body, read_fields
 
 _TASK = ("name", "path", "profile", "smoothness", "turning_length", "carrying", "limits", "waypoints")
 _WAYPOINT = (
@@ -92,10 +81,6 @@ def read_task(path: Source) -> Task:
     path : path-like or stream
         The YAML file.
 
-    Returns
-    -------
-    Task
-
     Raises
     ------
     TaskError
@@ -128,24 +113,7 @@ def write_task(task: Task, path: str | os.PathLike[str]) -> None:
 
 
 def parse(text: str, source: str = "task") -> Task:
-    """Read a task from YAML text.
-
-    Parameters
-    ----------
-    text : str
-        The YAML text.
-    source : str
-        What to call it in an error.
-
-    Returns
-    -------
-    Task
-
-    Raises
-    ------
-    TaskError
-        If a field is missing, unknown, in a wrong unit or does not fit.
-    """
+    """Read a task from YAML text."""
     try:
         data = read_fields(parse_yaml(text, source, TaskError), source, ("waypoints",), _TASK)
         points = data["waypoints"]

@@ -5,16 +5,66 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof.design.tasks.profiles import CORNERS, Profile, eased
 
-_SMALL = 1e-4
-"""Below this, series of two terms are exact to the last bit."""
+Profile = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Share of the time (N,) from 0 to 1, to share of the way and its first two derivatives, (N,) each."""
+
+_SEVENTH = 1 / 7
+
+
+def quintic(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s = 10 τ³ - 15 τ⁴ + 6 τ⁵ and its derivatives: the acceleration is zero at both ends."""
+    t = time
+    return t**3 * (10 + t * (6 * t - 15)), 30 * (t * (1 - t)) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
+
+
+def eased(share: FloatArray) -> FloatArray:
+    """Return how far along one is at p from 0 to 1, and three derivatives, (4, N): with p³ at both ends."""
+    way, rate, change = quintic(share)
+    return np.array([way, rate, change, 60 * (1 - 6 * share * (1 - share))])
+
+
+def septic(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s = 35 τ⁴ - 84 τ⁵ + 70 τ⁶ - 20 τ⁷ and its derivatives: the jerk is zero at both ends too."""
+    t = time
+    s = t**4 * (35 + t * (-84 + t * (70 - 20 * t)))
+    return s, 140 * (t * (1 - t)) ** 3, 420 * (t * (1 - t)) ** 2 * (1 - 2 * t)
+
+
+def s_curve(time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a way of seven equal parts with constant jerk in each: up, none, down, none, down, none, up."""
+    h = _SEVENTH
+    jerk = 1 / (8 * h**3)  # the way is 8 j h³
+    signs = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0]) * jerk
+    s, v, a = (np.zeros(8) for _ in range(3))
+    for k, j in enumerate(signs):
+        a[k + 1] = a[k] + j * h
+        v[k + 1] = v[k] + a[k] * h + j * h**2 / 2
+        s[k + 1] = s[k] + v[k] * h + a[k] * h**2 / 2 + j * h**3 / 6
+    part = np.clip((time / h).astype(int), 0, 6)
+    x, j = time - part * h, signs[part]
+    way = s[part] + x * (v[part] + x * (a[part] / 2 + x * j / 6))
+    return way, v[part] + x * (a[part] + x * j / 2), a[part] + x * j
+
+
+PROFILES: Mapping[str, Profile] = MappingProxyType({"quintic": quintic, "septic": septic, "s-curve": s_curve})
+"""The profiles by name. All have a continuous acceleration; that of `s_curve` has a bounded jerk of the least
+height among those of seven equal parts, that of `septic` a continuous one."""
+
+_SEVENTHS: FloatArray = np.arange(1, 7, dtype=np.float64) * _SEVENTH
+CORNERS: Mapping[Profile, FloatArray] = MappingProxyType({s_curve: _SEVENTHS})
+"""Shares of the time at which the jerk of a profile jumps."""
+
+
+_SMALL = 1e-4  # below this, series of two terms are exact to the last bit
 
 _JUMP, _STEEP = 1e-3, 0.05
 """Shares of the largest acceleration from which on a change at once is a jump, and in a step steep."""
@@ -54,17 +104,7 @@ class PathLaw(Protocol):
 
 
 class ProfileLaw:
-    """A path that is covered by a profile.
-
-    Parameters
-    ----------
-    profile : callable
-        Share of the time to share of the way; see `p3dof.design.tasks.profiles`.
-    length : float
-        The parameter at the end.
-    duration : float
-        How long it takes [s].
-    """
+    """A path that is covered by a profile."""
 
     def __init__(self, profile: Profile, length: float, duration: float) -> None:
         self._profile, self._length, self.duration = profile, length, duration
@@ -94,20 +134,6 @@ class SpeedLaw:
     """A path that is covered with given squares of the speed: quadratic in the parameter between nodes.
 
     Between two nodes the acceleration s̈ is linear in s, so that s is a sum of exponentials or sines of time.
-
-    Parameters
-    ----------
-    nodes : ndarray, shape (n + 1,)
-        Parameters, rising from 0.
-    squares : ndarray, shape (n + 1,)
-        ṡ² at the nodes; zero at both ends.
-    slopes : ndarray, shape (n,)
-        Half the second derivative of ṡ² by s between the nodes: by how much s̈ rises with s.
-
-    Attributes
-    ----------
-    starts : ndarray, shape (n,)
-        s̈ where each step begins.
     """
 
     def __init__(self, nodes: FloatArray, squares: FloatArray, slopes: FloatArray) -> None:
@@ -171,26 +197,10 @@ class SmoothLaw:
 
     p̈ is continuous, and quadratic in p between nodes; p never stops, so that speed and acceleration are zero
     at both ends of the path, and the jerk is bounded.
-
-    Parameters
-    ----------
-    nodes : ndarray, shape (n + 1,)
-        p, rising from 0 to 1.
-    squares, changes : ndarray, shape (n + 1,)
-        ṗ² and p̈ at the nodes.
-    bulges : ndarray, shape (n,)
-        How much p̈ is above the straight line in the middle of each step.
-    length : float
-        The parameter of the path at its end.
     """
 
     def __init__(
-        self,
-        nodes: FloatArray,
-        squares: FloatArray,
-        changes: FloatArray,
-        bulges: FloatArray,
-        length: float,
+        self, nodes: FloatArray, squares: FloatArray, changes: FloatArray, bulges: FloatArray, length: float
     ) -> None:
         self.nodes, self.squares, self.changes, self.bulges = nodes, squares, changes, bulges
         self.length, count = length, len(nodes) - 1
@@ -270,17 +280,7 @@ class SmoothLaw:
 
 
 def cubic_shape(size: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ṗ², p̈ and dp̈/dp at shares of steps, by ṗ² and p̈ at both ends of the step and the bulge of p̈.
-
-    Parameters
-    ----------
-    size, share : ndarray, shape (P,)
-        Size of the step, and where in it.
-
-    Returns
-    -------
-    tuple of three ndarray, shape (P, 5)
-    """
+    """Return ṗ², p̈ and dp̈/dp at shares of steps, by ṗ² and p̈ at both ends of the step and the bulge of p̈."""
     c, h, none = share, size, np.zeros_like(share)
     bulge = 4 * h * c**2 * (1 - 2 / 3 * c)
     square = [1 - none, none, h * c * (2 - c), h * c**2, bulge]

@@ -8,15 +8,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, frozen_array
+from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.errors import TaskError
 
-_ENDLESS = ("power", "jerk", "nut_force")
-"""Limits that there may be none of."""
+_ENDLESS = ("power", "jerk", "nut_force")  # limits that there may be none of
 
 
 @dataclass(frozen=True, eq=False)
-class AxisLimits:
+class AxisLimits(Readable):
     """What each of the three actuators may be asked for.
 
     Parameters
@@ -85,28 +84,18 @@ def _three(name: str, value: ArrayLike) -> FloatArray:
 
 
 class Demand(NamedTuple):
-    """What a way takes of the actuators at points on it: f = mass s̈ + bias ṡ² + rest, without friction.
+    """What a way takes of the actuators at points on it: f = mass s̈ + bias ṡ² + rest, without friction."""
 
-    Parameters
-    ----------
-    mass, bias, rest : ndarray, shape (P, 3)
-        By s̈, by ṡ², and at rest.
-    rate, change, third : ndarray, shape (P, 3)
-        The first three derivatives of the sliders by s.
-    own : ndarray, shape (3,)
-        What the drives and counterweights add to the mass of each slider, in `mass` and `bias` too [kg].
-    balance : ndarray, shape (P, 3)
-        What balances push the sliders up with, less in `rest` [N].
-    """
-
-    mass: FloatArray
+    mass: FloatArray  # (P, 3): by s̈, by ṡ², and at rest
     bias: FloatArray
     rest: FloatArray
-    rate: FloatArray
+    rate: FloatArray  # (P, 3): the first three derivatives of the sliders by s
     change: FloatArray
     third: FloatArray
     own: FloatArray
-    balance: FloatArray
+    """(3,): what the drives and counterweights add to the mass of each slider, in `mass` and `bias` too
+    [kg]."""
+    balance: FloatArray  # (P, 3): what balances push the sliders up with, less in `rest` [N]
 
 
 class Way(Protocol):
@@ -124,46 +113,17 @@ class Way(Protocol):
 
 
 class Used(NamedTuple):
-    """One limit of one actuator at points of a way.
+    """One limit of one actuator at points of a way."""
 
-    Parameters
-    ----------
-    quantity : str
-        What is limited.
-    value : ndarray, shape (P, 3)
-        Of A, B, C.
-    limit : ndarray, shape (3,)
-        The largest that is allowed; infinite for none.
-    """
-
-    quantity: str
-    value: FloatArray
-    limit: FloatArray
+    quantity: str  # what is limited
+    value: FloatArray  # (P, 3): of A, B, C
+    limit: FloatArray  # (3,): the largest that is allowed; infinite for none
 
 
 def used_of(
-    demand: Demand,
-    state: tuple[FloatArray, FloatArray, FloatArray],
-    friction: FloatArray,
-    limits: AxisLimits,
+    demand: Demand, state: tuple[FloatArray, FloatArray, FloatArray], friction: FloatArray, limits: AxisLimits
 ) -> list[Used]:
-    """Return what points of a way use of every limit.
-
-    Parameters
-    ----------
-    demand : Demand
-        What is needed at the points.
-    state : tuple of three ndarray, shape (P,)
-        ṡ², s̈, and how much s̈ rises by s.
-    friction : ndarray, shape (P, 3)
-        What it adds to the forces [N].
-    limits : AxisLimits
-        What may be asked for.
-
-    Returns
-    -------
-    list of Used
-    """
+    """Return what points of a way use of every limit."""
     square, change, rise = (part[:, None] for part in state)
     pace = np.sqrt(square)
     force = demand.mass * change + demand.bias * square + demand.rest + friction

@@ -9,21 +9,151 @@ at d, 3 d/4, d/2 and d/4 keeps three.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, shown
 from p3dof._base.errors import TaskError
-from p3dof.design.tasks.profiles import eased, quintic
-from p3dof.design.tasks.waypoints import Waypoint
-from p3dof.machine.motion import splines
+from p3dof._base.time_series import smoothing
+from p3dof.design.tasks.laws import eased, quintic
+from p3dof.machine.parameters import Body
+from p3dof.machine.parameters.machine import body_of
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint(Readable):
+    """A pose of the platform on its way, and what happens there.
+
+    Parameters
+    ----------
+    pose : array-like, shape (3,) or (2,)
+        y, z [m] and θ [rad]. A waypoint that is passed without a stop may leave θ out: the platform turns
+        smoothly from the stop before it to the stop after it.
+    name : str
+        What tables and messages call it; its number without one.
+    blend : float
+        How far before and after the waypoint the path leaves its straight lines, to pass it without a stop
+        [m, in the metric of `Task`]; zero to stop there.
+    dwell : float
+        How long the platform stays at a stop [s].
+    duration : float, optional
+        How long the platform takes to this stop from the one before it [s]; shared out without it.
+    pick_up : Body, float or str, optional
+        What the platform carries from here on, in its own frame; it does so when the dwell begins. A mass
+        alone, ``2`` [kg] or ``"950 g"``, is a point mass at P.
+    put_down : bool
+        Whether the platform leaves here what it carries, at the end of the dwell.
+    wrench : array-like, shape (6,), optional
+        External force and moment on the platform at P, in the fixed frame, on the way from the waypoint
+        before it to this one [N, N m]; none without it.
+    blend_range : array-like, shape (2,), optional
+        Least and largest blend when the best path is looked for [m]; it stays without it.
+    tolerance : array-like, shape (2,) or (3,), optional
+        How far y, z and, where the pose has one, θ may be from the pose when the best path is looked for, to
+        either side [m, m, rad], at a waypoint that is passed; not at all without it.
+
+    Raises
+    ------
+    TaskError
+        If an argument does not fit, or something is to happen at a waypoint that is passed without a stop.
+    """
+
+    pose: FloatArray
+    name: str = ""
+    blend: float = 0.0
+    dwell: float = 0.0
+    duration: float | None = None
+    pick_up: Body | None = None
+    put_down: bool = False
+    wrench: FloatArray = field(default_factory=lambda: np.zeros(6))
+    blend_range: FloatArray | None = None
+    tolerance: FloatArray | None = None
+
+    def __init__(
+        self,
+        pose: ArrayLike,
+        name: str = "",
+        blend: float = 0.0,
+        dwell: float = 0.0,
+        duration: float | None = None,
+        pick_up: Body | float | str | None = None,
+        put_down: bool = False,
+        wrench: ArrayLike | None = None,
+        blend_range: ArrayLike | None = None,
+        tolerance: ArrayLike | None = None,
+    ) -> None:
+        if not isinstance(name, str):
+            raise TaskError(f"name: expected a text, got {shown(name)}")
+        where = f"waypoint {name}: " if name else ""
+        place = frozen_array(f"{where}pose", pose, ("K",), TaskError)
+        if len(place) not in (2, 3):
+            raise TaskError(f"{where}pose: expected y, z, θ or y, z, got {len(place)} numbers")
+        if pick_up is not None:
+            pick_up = body_of(pick_up, f"{where}pick_up", TaskError)
+        if not isinstance(put_down, bool):
+            raise TaskError(f"{where}put_down: expected true or false, got {shown(put_down)}")
+        set_ = object.__setattr__
+        set_(self, "pose", place)
+        set_(self, "name", name)
+        set_(self, "blend", not_negative(f"{where}blend", blend, TaskError))
+        set_(self, "dwell", not_negative(f"{where}dwell", dwell, TaskError))
+        set_(
+            self, "duration", None if duration is None else positive(f"{where}duration", duration, TaskError)
+        )
+        set_(self, "pick_up", pick_up)
+        set_(self, "put_down", put_down)
+        load = np.zeros(6) if wrench is None else wrench
+        set_(self, "wrench", frozen_array(f"{where}wrench", load, (6,), TaskError))
+        set_(self, "blend_range", None if blend_range is None else self._range(where, blend_range))
+        set_(self, "tolerance", None if tolerance is None else self._tolerance(where, tolerance))
+        self._check(where)
+
+    @property
+    def stops(self) -> bool:
+        """Whether the platform comes to rest here."""
+        return self.blend == 0.0
+
+    def _range(self, where: str, value: ArrayLike) -> FloatArray:
+        bounds = frozen_array(f"{where}blend_range", value, (2,), TaskError)
+        if not 0 < bounds[0] <= self.blend <= bounds[1]:
+            raise TaskError(
+                f"{where}blend_range: expected least and largest blend above zero around "
+                f"blend = {self.blend:g} m, got {bounds[0]:g} and {bounds[1]:g} m"
+            )
+        return bounds
+
+    def _tolerance(self, where: str, value: ArrayLike) -> FloatArray:
+        bounds = frozen_array(f"{where}tolerance", value, (len(self.pose),), TaskError)
+        if (bounds < 0).any():
+            raise TaskError(f"{where}tolerance: expected zero or more, got {bounds.min():g}")
+        if self.stops:
+            raise TaskError(f"{where}tolerance: expected at a waypoint that is passed, with a blend, only")
+        return bounds
+
+    def _check(self, where: str) -> None:
+        if self.stops:
+            if len(self.pose) == 2:
+                raise TaskError(f"{where}pose: expected y, z, θ at a stop, got y, z")
+            return
+        happens = {
+            "dwell": self.dwell > 0,
+            "duration": self.duration is not None,
+            "pick_up": self.pick_up is not None,
+            "put_down": self.put_down,
+        }
+        for name, set_here in happens.items():
+            if set_here:
+                raise TaskError(
+                    f"{where}{name}: expected at a stop only, but blend = {self.blend:g} m passes it"
+                )
+
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-_TOUCH = 1 + 1e-12
-"""Blends may meet, but for rounding."""
-_SAME = 1e-9
-"""Poses that are nearer, as a share of the turning length, are one: a way between them is all rounding."""
+_TOUCH = 1 + 1e-12  # blends may meet, but for rounding
+_SAME = 1e-9  # poses that are nearer, by the turning length, are one: a way between them is all rounding
 
 
 class Path:
@@ -85,7 +215,7 @@ class Path:
                 raise TaskError(f"{names[k]} and {names[k + 1]}: expected two different poses")
         if spline:
             self.at_waypoints = np.append(0.0, np.cumsum(lengths))
-            found, self._unit = splines.interpolating(self.at_waypoints, points, 5)
+            found, self._unit = smoothing.interpolating(self.at_waypoints, points, 5)
             self._curve: Any = found
             self.breaks: FloatArray = self.at_waypoints
         else:

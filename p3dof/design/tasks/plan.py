@@ -9,65 +9,39 @@ from itertools import pairwise
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof.design.tasks.laws import Law
-from p3dof.design.tasks.paths import Path
-from p3dof.design.tasks.waypoints import Waypoint
+from p3dof.design.tasks.paths import Path, Waypoint
 from p3dof.machine.motion import Motion, WrenchHistory
 from p3dof.machine.parameters import Body
 
-JUMP = 1e-9
-"""Share of a plan within which the wrench of a history changes from one constant value to the next."""
+JUMP = 1e-9  # share of a plan within which the wrench of a history changes from one constant value to another
 _PARTS = 7
 """Every part of a way has so many times fewer samples than all ways are asked to have, at least; and a wait
 so many times fewer again."""
-_BETWEEN = 5
-"""Least number of samples between a jump of an acceleration and the next."""
-_CLOSE = 1e-9
-"""Share of the time that all ways take within which two samples are one."""
+_BETWEEN = 5  # least number of samples between a jump of an acceleration and the next
+_CLOSE = 1e-9  # share of the time that all ways take within which two samples are one
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A way from one stop to the next, and its time.
+    """A way from one stop to the next, and its time."""
 
-    Parameters
-    ----------
-    path : Path
-        Where it goes.
-    first, last : int
-        The waypoints at its ends.
-    law : Law
-        How it is covered in time.
-    """
-
-    path: Path
-    first: int
+    path: Path  # where it goes
+    first: int  # the waypoints at its ends
     last: int
-    law: Law
+    law: Law  # how it is covered in time
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A part of a plan over which load and payload stay.
+class Piece(Readable):
+    """A part of a plan over which load and payload stay."""
 
-    Parameters
-    ----------
-    first, last : str
-        The waypoints at its ends; the same during a dwell.
-    motion : Motion
-        What the platform does, both ends included.
-    payload : Body or None
-        What it carries.
-    wrench : ndarray, shape (6,)
-        External force and moment on the platform at P, in the fixed frame [N, N m].
-    """
-
-    first: str
+    first: str  # the waypoints at its ends; the same during a dwell
     last: str
-    motion: Motion
-    payload: Body | None
-    wrench: FloatArray
+    motion: Motion  # what the platform does, both ends included
+    payload: Body | None  # what it carries
+    wrench: FloatArray  # (6,): external force and moment on the platform at P, in the fixed frame [N, N m]
 
     @property
     def dwells(self) -> bool:
@@ -81,7 +55,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Readable):
     """A task in time.
 
     Parameters
@@ -116,10 +90,6 @@ class Plan:
         ----------
         time : float
             [s]
-
-        Returns
-        -------
-        Piece
         """
         ends = [float(piece.motion.time[-1]) for piece in self.pieces]
         return self.pieces[min(int(np.searchsorted(ends, time)), len(ends) - 1)]
@@ -162,27 +132,7 @@ def planned(
     samples: int,
     name: str,
 ) -> Plan:
-    """Return a plan of ways whose durations are known.
-
-    Parameters
-    ----------
-    waypoints : sequence of Waypoint
-        All of them.
-    names : sequence of str
-        What they are called.
-    carrying : Body, optional
-        What the platform carries at the beginning.
-    stretches : sequence of Stretch
-        The ways between the stops.
-    samples : int
-        Least number of samples of the ways together; see `sampled`.
-    name : str
-        Of the task.
-
-    Returns
-    -------
-    Plan
-    """
+    """Return a plan of ways whose durations are known."""
     spans = list(_spans(waypoints, carrying, stretches))
     time = sampled(spans, list(_begun(waypoints, stretches)), samples)
     motion = _moved(waypoints, stretches, time)
@@ -199,25 +149,11 @@ def planned(
 
 
 def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], samples: int) -> FloatArray:
-    """Return the times of the samples of a plan.
+    """Return the times of the samples of a plan; ndarray, shape (N,): rising, from 0 [s].
 
     They are even over each straight or blended part of a way, which has a seventh of `samples` at least, so
     that no peak is lost whatever else the task does meanwhile; where the platform stays, few are enough.
     Where loads or accelerations change at once, there is a sample.
-
-    Parameters
-    ----------
-    spans : sequence of Span
-        The parts of the plan in turn.
-    begun : sequence of (float, Stretch)
-        The ways with the times at which they begin [s].
-    samples : int
-        Least number of samples of the ways together.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Rising, from 0 [s].
     """
     moving, total = sum(stretch.law.duration for _, stretch in begun), spans[-1].end
     close = max(_CLOSE * moving, 1e-15 * total)
@@ -240,10 +176,7 @@ def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], sampl
 
 
 def _between_jumps(begun: Sequence[tuple[float, Stretch]]) -> FloatArray:
-    """Return times between each jump of an acceleration and the next.
-
-    A derivative from one side takes four samples, so that with these every one has it.
-    """
+    """Return times between jumps of an acceleration: four samples each, for derivatives from one side."""
     found: list[FloatArray] = [np.zeros(0)]
     for begin, stretch in begun:
         for start, end in pairwise((begin + stretch.law.jumps).tolist()):
@@ -267,19 +200,7 @@ def _apart(times: Sequence[FloatArray], known: FloatArray, close: float) -> Floa
 
 
 def payloads(waypoints: Sequence[Waypoint], carrying: Body | None) -> list[Body | None]:
-    """Return what the platform carries on the way to each waypoint; to the first, at the beginning.
-
-    Parameters
-    ----------
-    waypoints : sequence of Waypoint
-        All of them.
-    carrying : Body, optional
-        What the platform carries at the beginning.
-
-    Returns
-    -------
-    list of Body or None
-    """
+    """Return what the platform carries on the way to each waypoint; to the first, at the beginning."""
     found = []
     for point in waypoints:
         found.append(carrying)

@@ -1,86 +1,47 @@
-"""The fastest way along a path with a limited jerk: linear programs in ṗ² and p̈ of an eased parameter p.
-
-The path goes on with the third power of p at both ends, so that ṗ is not zero there and a constant jerk from
-rest is a constant ṗ. p̈ is continuous, and quadratic between the nodes. What the limits allow is not convex;
-its part that a program may choose from (see `p3dof.design.tasks.programs`) is, and contains the solution
-before, so that every program is faster than the one before. They begin with slow motions, of few nodes, and
-go on with more nodes and more points where a dense check finds a limit exceeded. The rest is met by going
-slower. The motion is the fastest one near it; no other was found from the other beginnings.
-"""
+"""The fastest way along a path with a limited jerk, and `FastestPlan`: a task in the least time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray
-from p3dof.design.tasks.fastest import DENSE, EXCEEDED, slowed, with_worst
-from p3dof.design.tasks.laws import SmoothLaw, cubic_shape
-from p3dof.design.tasks.limits import AxisLimits, Demand, Way
-from p3dof.design.tasks.profiles import eased
-from p3dof.design.tasks.programs import Points, Rows, Shape, require_standing, rows_of, solved
+from p3dof.design.tasks import fastest
+from p3dof.design.tasks.laws import SmoothLaw, SpeedLaw, cubic_shape, eased
+from p3dof.design.tasks.limits import AxisLimits, Demand, Used, Way, used_of
+from p3dof.design.tasks.plan import Plan, Stretch
+from p3dof.machine.parameters import LEGS
 
 _POINTS: FloatArray = np.array([0.0, 0.5, 1.0])
-_FEW, _FINER = 60, 2
-"""Nodes to begin with, and how many times more there are each time."""
+_FEW, _FINER = 60, 2  # nodes to begin with, and how many times more there are each time
 _ROUNDS, _NEAR, _USELESS, _STUCK = 25, 1e-3, 0.7, 2
 """Most programs one after the other; share by which the time may change when more points are of use; share of
 what exceeded limits before, over which they were of none, and how often that may be."""
-_ROUGH, _SETTLED = 1e-4, 1e-5
-"""Share by which the time may change at the end, with few nodes and with all."""
-_LEAST_STEPS = 6
-"""Least number of steps on each smooth piece of a path."""
+_ROUGH, _SETTLED = 1e-4, 1e-5  # share by which the time may change at the end, with few nodes and with all
+_LEAST_STEPS = 6  # least number of steps on each smooth piece of a path
 _QUICK, _SLOWEST = 0.01, 1e5
 """Time in which a motion begins [s], to be slowed down until it keeps the limits, at most so many times."""
 _MIX = (1.0, 0.7, 0.4, 0.2, 0.1)
-_TAPERS = (0.0, 0.6, -0.4)
-"""How much slower (faster) than at the ends p is in the middle of a motion to begin with."""
+_TAPERS = (0.0, 0.6, -0.4)  # how much slower (faster) than at the ends p is in the middle to begin with
 STARTS = len(_TAPERS)
 
 
 def jerk_limited_law(
-    count: int,
-    length: float,
-    breaks: Sequence[float],
-    way: Way,
-    limits: AxisLimits,
-    starts: int = STARTS,
+    count: int, length: float, breaks: Sequence[float], way: Way, limits: AxisLimits, starts: int = STARTS
 ) -> SmoothLaw:
-    """Return how a path is covered in the least time, from rest to rest, with continuous acceleration.
-
-    Parameters
-    ----------
-    count : int
-        About how many steps.
-    length : float
-        The parameter of the path at its end.
-    breaks : sequence of float
-        Parameters at which its third derivative jumps, or of which the time is asked for.
-    way : Way
-        What the path takes of the actuators.
-    limits : AxisLimits
-        What they may be asked for; a jerk among it.
-    starts : int
-        From how many beginnings.
-
-    Returns
-    -------
-    SmoothLaw
-
-    Raises
-    ------
-    TaskError
-        If the limits do not let the machine stand somewhere on the path, or move along it.
-    """
+    """Return how a path is covered in the least time, from rest to rest, with continuous acceleration."""
     own = EasedWay(way, length)
     sizes = [count]
     while sizes[0] > _FEW:
         sizes.insert(0, sizes[0] // _FINER)
     within = _at_eased(np.asarray(breaks) / length)
     nodes = _placed(sizes[0], within, np.linspace(0, 1, 201, dtype=np.float64))
-    require_standing(Points.everywhere(nodes, _POINTS, own), limits)
+    fastest.require_standing(fastest.Points.everywhere(nodes, _POINTS, own), limits)
     begun = []
     for taper in _TAPERS[:starts]:
         square = (1 - taper * np.sin(np.pi * nodes) ** 2) / _QUICK**2
@@ -91,16 +52,16 @@ def jerk_limited_law(
     for size in sizes[1:] or sizes:
         law = law.at_nodes(_placed(size, within, law.nodes, law))
         law = _improved(law, own, limits, _SETTLED if size == count else _ROUGH)
-    return slowed(law, Points.everywhere(law.nodes, DENSE, own), limits)
+    return fastest.slowed(law, fastest.Points.everywhere(law.nodes, fastest.DENSE, own), limits)
 
 
 def _improved(law: SmoothLaw, way: Way, limits: AxisLimits, settled: float) -> SmoothLaw:
     """Return the fastest law of the same nodes near one, until its time changes by less than a share."""
     count = len(law.nodes) - 1
-    dense = Points.everywhere(law.nodes, DENSE, way)
-    law = slowed(law, dense, limits, _SLOWEST)
+    dense = fastest.Points.everywhere(law.nodes, fastest.DENSE, way)
+    law = fastest.slowed(law, dense, limits, _SLOWEST)
     step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
-    points, left, stuck = Points(law.nodes, step, share, way), np.inf, 0
+    points, left, stuck = fastest.Points(law.nodes, step, share, way), np.inf, 0
     for _ in range(_ROUNDS):
         before = law.duration
         law = _next(law, points, limits)
@@ -110,30 +71,30 @@ def _improved(law: SmoothLaw, way: Way, limits: AxisLimits, settled: float) -> S
         used = dense.shares(law, limits)
         excess = float(used.max()) - 1
         stuck += excess > _USELESS * left
-        if moved < settled * before and (excess < EXCEEDED or stuck >= _STUCK):
+        if moved < settled * before and (excess < fastest.EXCEEDED or stuck >= _STUCK):
             break
         left = excess
-        step, share = with_worst(step, share, used)
-        points = Points(law.nodes, step, share, way)
+        step, share = fastest.with_worst(step, share, used)
+        points = fastest.Points(law.nodes, step, share, way)
     return law
 
 
-def _next(law: SmoothLaw, points: Points, limits: AxisLimits) -> SmoothLaw:
+def _next(law: SmoothLaw, points: fastest.Points, limits: AxisLimits) -> SmoothLaw:
     """Return the best law on the way to the solution of a program."""
     aim = _solved(law, points, limits)
-    if points.shares(law, limits).max() > 1 + EXCEEDED:  # with new points it is too fast
+    if points.shares(law, limits).max() > 1 + fastest.EXCEEDED:  # with new points it is too fast
         return aim
     return min((law, *(law.mixed(aim, share) for share in _MIX)), key=lambda one: one.duration)
 
 
-def _solved(law: SmoothLaw, points: Points, limits: AxisLimits) -> SmoothLaw:
+def _solved(law: SmoothLaw, points: fastest.Points, limits: AxisLimits) -> SmoothLaw:
     """Return the solution of one program, for the time as it changes near a law."""
     nodes, count = law.nodes, len(law.nodes) - 1
     size, step = np.diff(nodes), np.arange(len(law.nodes) - 1)
-    rows = rows_of(points, Shape(*cubic_shape(points.size, points.share)), limits, law)
+    rows = fastest.rows_of(points, fastest.Shape(*cubic_shape(points.size, points.share)), limits, law)
     columns = np.column_stack([step, step + 1, count + 1 + step, count + 2 + step, 2 * (count + 1) + step])
     one = np.ones(count)
-    joints = Rows([], [], [])
+    joints = fastest.Rows([], [], [])
     joints.add(np.column_stack([-one, one, -size, -size, -4 / 3 * size]), np.zeros(count), step)
     # The time is the integral of 1/√ṗ², by Simpson's rule; its derivative by ṗ² is -1/2 of the third power.
     cost = np.zeros(3 * count + 2)
@@ -143,22 +104,14 @@ def _solved(law: SmoothLaw, points: Points, limits: AxisLimits) -> SmoothLaw:
         np.add.at(cost, columns, -(weight * size * square**-1.5 / 2)[:, None] * form)
     free = np.full(2 * count + 1, np.inf)
     box = np.column_stack([np.append(np.zeros(count + 1), -free), np.full(3 * count + 2, np.inf)])
-    found = solved(cost / np.abs(cost).max(), rows, columns, box, joints)
+    found = fastest.solved(cost / np.abs(cost).max(), rows, columns, box, joints)
     return SmoothLaw(
         nodes, found[: count + 1], found[count + 1 : 2 * count + 2], found[2 * count + 2 :], law.length
     )
 
 
 class EasedWay:
-    """What a path takes by an eased parameter: see `p3dof.design.tasks.profiles.eased`.
-
-    Parameters
-    ----------
-    way : Way
-        What it takes by its own.
-    length : float
-        Its own at the end.
-    """
+    """What a path takes by an eased parameter: see `p3dof.design.tasks.laws.eased`."""
 
     def __init__(self, way: Way, length: float) -> None:
         self._way, self._length = way, length
@@ -214,3 +167,116 @@ def _placed(count: int, within: FloatArray, shape: FloatArray, law: SmoothLaw | 
         inside = np.interp(np.linspace(low, high, steps + 1)[1:-1], density, shape)
         pieces.append(np.concatenate([[first], inside]))
     return np.append(np.concatenate(pieces), 1.0)
+
+
+_DENSE = 4001
+
+_HOLDS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "force": ("actuator", "N"),
+        "speed": ("slider", "m/s"),
+        "power": ("actuator", "W"),
+        "jerk": ("slider", "m/s³"),
+        "nut force": ("nut", "N"),
+    }
+)
+"""Where each limit holds, and its unit."""
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """How much of one limit a plan uses, where it uses most of it, looked at densely between the nodes.
+
+    Parameters
+    ----------
+    quantity : str
+        ``"force"``, ``"speed"``, ``"power"``, ``"jerk"`` or ``"nut force"``.
+    leg : str
+        ``"A"``, ``"B"`` or ``"C"``.
+    value, limit : float
+        The largest value, and what is allowed [N, m/s, W, m/s³].
+    time : float
+        When [s].
+    way : str
+        From which stop to which.
+    """
+
+    quantity: str
+    leg: str
+    value: float
+    limit: float
+    time: float
+    way: str
+
+    @property
+    def share(self) -> float:
+        """Value by limit: 1 at the limit."""
+        return self.value / self.limit
+
+    @property
+    def holds_at(self) -> str:
+        """Where it holds: ``"actuator"``, ``"nut"`` or ``"slider"``."""
+        return _HOLDS[self.quantity][0]
+
+    @property
+    def unit(self) -> str:
+        """Of value and limit."""
+        return _HOLDS[self.quantity][1]
+
+
+@dataclass(frozen=True, eq=False)
+class FastestPlan(Plan):
+    """A task in the least time.
+
+    Parameters
+    ----------
+    limits : AxisLimits
+        What was allowed.
+    uses : tuple of LimitUse
+        How much of each limit is used.
+    """
+
+    limits: AxisLimits
+    uses: tuple[LimitUse, ...]
+
+
+class Looked(NamedTuple):
+    """What one way uses at many points of it."""
+
+    time: FloatArray  # (P,): since the plan began [s]
+    used: list[Used]  # of every limit
+    name: str  # of the way
+
+
+def looked_at(stretch: Stretch, way: Way, limits: AxisLimits, begin: float, name: str) -> Looked:
+    """Return what a way uses of the limits, densely."""
+    law = stretch.law
+    if isinstance(law, SpeedLaw | SmoothLaw):
+        own = EasedWay(way, law.length) if isinstance(law, SmoothLaw) else way
+        points = fastest.Points.everywhere(law.nodes, fastest.DENSE, own)
+        time = law.kinks[points.step] + points.share * np.diff(law.kinks)[points.step]
+        return Looked(begin + time, points.used(law, limits), name)
+    time = np.linspace(0.0, law.duration, _DENSE, dtype=np.float64)
+    place, speed, change = law.at(time)
+    place = np.clip(place, 0.0, stretch.path.end)
+    demand = way.demand(place, place)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rise = np.where(speed > 0, np.gradient(change, time) / speed, 0.0)
+    state = speed**2, change, rise
+    return Looked(begin + time, used_of(demand, state, way.friction(place, speed), limits), name)
+
+
+def uses_of(ways: Sequence[Looked]) -> tuple[LimitUse, ...]:
+    """Return how much of each limit all ways use; those that there are."""
+    found = []
+    for k, first in enumerate(ways[0].used):
+        for leg, name in enumerate(LEGS):
+            if not np.isfinite(first.limit[leg]):
+                continue
+            peaks = [float(one.used[k].value[:, leg].max()) for one in ways]
+            worst = int(np.argmax(peaks))
+            at = int(ways[worst].used[k].value[:, leg].argmax())
+            when = float(ways[worst].time[at])
+            limit = float(first.limit[leg])
+            found.append(LimitUse(first.quantity, name, peaks[worst], limit, when, ways[worst].name))
+    return tuple(found)

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, positive, shown
+from p3dof._base.checks import FloatArray, Readable, meant, positive, shown
 from p3dof._base.errors import TaskError
-from p3dof.design.tasks.laws import ProfileLaw
+from p3dof._base.time_series.times import sample_count
+from p3dof.design.tasks.laws import PROFILES, ProfileLaw
 from p3dof.design.tasks.limits import AxisLimits
-from p3dof.design.tasks.paths import Path
+from p3dof.design.tasks.paths import Path, Waypoint
 from p3dof.design.tasks.plan import Plan, Stretch, planned
-from p3dof.design.tasks.profiles import PROFILES
-from p3dof.design.tasks.waypoints import Waypoint
-from p3dof.machine.motion.times import sample_count
 from p3dof.machine.parameters import Body
+from p3dof.machine.parameters.machine import body_of
 
 PATHS = ("straight", "spline")
 """How the platform goes between stops: on lines with blends, or on a spline."""
@@ -30,7 +29,7 @@ _SAME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class Task(Readable):
     """What the platform has to do: from stop to stop, at rest in each, with continuous acceleration.
 
     Parameters
@@ -49,8 +48,8 @@ class Task:
         How many derivatives of the path go on where blends begin and end.
     turning_length : float
         ℓ: a turn of 1 rad counts as so much way where lengths of poses and shares of time are meant [m].
-    carrying : Body, optional
-        What the platform carries at the beginning, in its own frame.
+    carrying : Body, float or str, optional
+        What the platform carries at the beginning, as `Waypoint.pick_up`.
     limits : mapping of str to float or sequence of three, optional
         What the actuators may be asked for in the fastest plan, by the names of `AxisLimits`; force and
         speed of the machine where there are none.
@@ -79,7 +78,7 @@ class Task:
         profile: str = "quintic",
         smoothness: int = 2,
         turning_length: float = 0.1,
-        carrying: Body | None = None,
+        carrying: Body | float | str | None = None,
         limits: Mapping[str, Any] | None = None,
     ) -> None:
         points = tuple(waypoints)
@@ -95,8 +94,6 @@ class Task:
                 raise TaskError(f"{what}: expected one of {', '.join(known)}, got {shown(value)}")
         if isinstance(smoothness, bool) or smoothness not in (2, 3):
             raise TaskError(f"smoothness: expected 2 or 3, got {shown(smoothness)}")
-        if carrying is not None and not isinstance(carrying, Body):
-            raise TaskError(f"carrying: expected a Body, got {shown(carrying)}")
         values = {
             "waypoints": points,
             "name": name,
@@ -104,7 +101,7 @@ class Task:
             "profile": profile,
             "smoothness": int(smoothness),
             "turning_length": positive("turning_length", turning_length, TaskError),
-            "carrying": carrying,
+            "carrying": None if carrying is None else body_of(carrying, "carrying", TaskError),
             "limits": _checked_limits({} if limits is None else limits),
         }
         for what, setting in values.items():
@@ -160,10 +157,6 @@ class Task:
             Least number of samples of the ways together. They are even over each straight or blended part of
             a way, which has a seventh of so many at least, so that the peaks are seen however long the
             platform waits; all stops and waypoints are samples.
-
-        Returns
-        -------
-        Plan
 
         Raises
         ------
@@ -243,7 +236,8 @@ def _checked_limits(given: Mapping[str, Any]) -> Mapping[str, Any]:
         raise TaskError(f"limits: expected limits by name, got {shown(given)}")
     for name in given:
         if name not in known:
-            raise TaskError(f"limits: unknown limit {shown(name)}, expected one of {', '.join(known)}")
+            wanted = f"expected one of {', '.join(known)}{meant(name, known)}"
+            raise TaskError(f"limits: unknown limit {shown(name)}, {wanted}")
     try:
         checked = AxisLimits(**({"force": 1.0, "speed": 1.0} | dict(given)))
     except TaskError as error:

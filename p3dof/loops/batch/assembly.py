@@ -1,85 +1,76 @@
-"""Assembling many samples at once: the homotopy of `p3dof.loops.solver`, in lock-step over arrays.
+"""Assembling many samples at once: the homotopy of `p3dof.loops.assembly`, in lock-step over arrays.
 
 Every sample passes the same tests on its way: a bounded first Newton step, contraction of each further one,
 and a Jacobian that keeps its orientation. Where closures and target determine every joint, as many rows of
 their Jacobian as there are joints do for all, so that a Newton step is the solution of a square system; the
 remaining rows follow, which is checked. A sample that fails a test is left out: it is for
 `p3dof.loops.assembly` to decide.
+
+`BatchAssembler` adds the motion of the whole tree: Pinocchio's kinematics sample by sample, all linear
+algebra over arrays. It is meant for mechanisms whose target determines every joint; redundant closures are
+welcome. Every sample is checked: closed loops, rank, conditioning, residuals. One that does not pass, and any
+other mechanism, goes through the methods for single samples, which decide.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias, cast
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray
-from p3dof.loops.batch.closures import ClosureRows
-from p3dof.loops.batch.kinematics import Frames, Pair, Samples, Sweep
-from p3dof.loops.batch.linear import BoolArray, IndexArray, apply, independent_rows, inverse, largest
+from p3dof._base.checks import FloatArray, Readable, as_floats, frozen_array
+from p3dof._base.errors import AssemblyError, InputError, P3dofError
+from p3dof.loops.assembly import (
+    CONTRACTION,
+    FAR,
+    FIRST_STEP,
+    NEGLIGIBLE,
+    ON_THE_WAY,
+    TOLERANCE,
+    Assembly,
+    FrameTarget,
+    NoTarget,
+    State,
+    TargetLike,
+    named_joints,
+)
+from p3dof.loops.batch.dynamics import redundant
+from p3dof.loops.batch.kinematics import ClosureRows, Frames, Pair, Samples, Sweep
+from p3dof.loops.batch.linear import (
+    FEW,
+    BoolArray,
+    IndexArray,
+    apply,
+    blocks,
+    independent_rows,
+    inverse,
+    largest,
+    norms,
+)
+from p3dof.loops.closed_tree import ClosedTree
 from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.solver import CONTRACTION, FAR, FIRST_STEP, NEGLIGIBLE, ON_THE_WAY
+from p3dof.loops.coordinates import ACCURACY, WELL, rotation_vector, rounding, turned_rates
 
-_NEAR = 1e-2
-"""Largest first Newton step from a configuration that is not assembled [m or rad]."""
-_CUT = 0.25
-"""Length to which a longer one is cut [m or rad]."""
-_LAST = 1e-10
-"""A Newton step behind which there is nothing to look at [m or rad]."""
-_SPACINGS = (64, 8, 1)
-"""Every how many samples are solved first, and then in between those."""
-_SHORTEST = 2.0**-8
-"""Smallest fraction of a path that is tried."""
-_ROUNDS = 40
-"""Steps along the path after which a sample is given up."""
-
-
-class Goals(Protocol):
-    """What the samples of a batch are driven to.
-
-    Attributes
-    ----------
-    size : int
-        Prescribed values of a sample.
-    pairs : list of Pair
-        Frames whose placement is prescribed; none for joints.
-    rows : (n, nv) array
-        Further rows of the Jacobian, the same everywhere.
-    """
-
-    size: int
-    pairs: list[Pair]
-    rows: FloatArray
-
-    def error(self, q: FloatArray, frames: Frames, which: IndexArray) -> tuple[FloatArray, FloatArray | None]:
-        """Return the errors (n, size) of some samples, and `last` of `RelativeRows.jacobian` for them."""
-
-    def coordinates(self, which: IndexArray) -> FloatArray:
-        """Return points (n, k) whose distances say how far the goals of some samples are apart."""
+_NEAR = 1e-2  # largest first Newton step from a configuration that is not assembled [m or rad]
+_CUT = 0.25  # length to which a longer one is cut [m or rad]
+_LAST = 1e-10  # a Newton step behind which there is nothing to look at [m or rad]
+_SPACINGS = (64, 8, 1)  # every how many samples are solved first, and then in between those
+_SHORTEST = 2.0**-8  # smallest fraction of a path that is tried
+_ROUNDS = 40  # steps along the path after which a sample is given up
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Residual and Jacobian of closures and target at n configurations.
+    """Residual and Jacobian of closures and target at n configurations."""
 
-    Parameters
-    ----------
-    q : (n, nq) array
-        The configurations.
-    r : (n, rows + size) array
-        Closure errors, then target errors [m, rad].
-    J : (n, rows + size, nv) array
-        Jacobian of `r`.
-    K : (n, nv, nv) array
-        Inverse of its chosen rows; NaN where it is singular.
-    """
-
-    q: FloatArray
-    r: FloatArray
-    J: FloatArray
-    K: FloatArray
+    q: FloatArray  # (n, nq): the configurations
+    r: FloatArray  # (n, rows + size): closure errors, then target errors [m, rad]
+    J: FloatArray  # (n, rows + size, nv): Jacobian of `r`
+    K: FloatArray  # (n, nv, nv): inverse of its chosen rows; NaN where it is singular
 
     def take(self, which: IndexArray | BoolArray) -> Points:
         """Return a copy of some points."""
@@ -92,32 +83,17 @@ class Points:
 
 
 class BatchSystem:
-    """Closures and targets of many samples as square systems of equations.
-
-    Parameters
-    ----------
-    kinematics : LoopKinematics
-        The closures.
-    sweep : Sweep
-        The model.
-    goals : Goals
-        The targets.
-    """
+    """Closures and targets of many samples as square systems of equations."""
 
     def __init__(self, kinematics: LoopKinematics, sweep: Sweep, goals: Goals) -> None:
         self.kinematics, self.sweep, self.goals = kinematics, sweep, goals
         self.closures = ClosureRows(kinematics, sweep, goals.pairs)
+        self.plain = bool(sweep.model.nq == sweep.model.nv)  # whether every joint is a plain coordinate
         self.chosen: IndexArray = np.arange(0)
         self.others: IndexArray = np.arange(0)
 
     def choose(self, q: FloatArray, rank: int) -> bool:
-        """Choose the rows that make the system square, at a configuration where the closures have `rank`.
-
-        Returns
-        -------
-        bool
-            False if closures and target do not determine every joint there.
-        """
+        """Choose rows for a square system where the closures have `rank`; false if joints stay open."""
         closures, nv = self.kinematics.size, self.sweep.model.nv
         samples = self.sweep.at(q[None])
         J = self.jacobian(q[None], samples, self.closures.frames(samples))[0]
@@ -167,11 +143,6 @@ class BatchSystem:
         result[:, :, self.chosen[of_target] - self.kinematics.size] = K[:, :, of_target]
         return result
 
-    @property
-    def plain(self) -> bool:
-        """Whether every joint is a plain coordinate."""
-        return bool(self.sweep.model.nq == self.sweep.model.nv)
-
     def empty(self, count: int) -> Points:
         """Return points to be filled in."""
         model, rows = self.sweep.model, self.kinematics.size + self.goals.size
@@ -211,22 +182,6 @@ def settle(system: BatchSystem, start: FloatArray, samples: IndexArray) -> tuple
     A few of the samples follow the path from the start. The others begin in between these, as if the samples
     were a motion; where that is far from the solution, they follow the path from the one whose target is
     nearest, else from the start.
-
-    Parameters
-    ----------
-    system : BatchSystem
-        What to solve.
-    start : (nq,) array
-        Where to start, assembled.
-    samples : (n,) array of int
-        Which samples.
-
-    Returns
-    -------
-    q : (n, nq) array
-        The last Newton step is taken without another look: the residuals are for the caller to check.
-    arrived : (n,) array of bool
-        False where a path ended or took too long.
     """
     count = len(samples)
     now = system.empty(count)
@@ -332,3 +287,360 @@ def _between(at: IndexArray, values: FloatArray, wanted: IndexArray) -> FloatArr
         weight = np.prod((wanted[:, None] - x[:, others]) / (x[:, [i]] - x[:, others]), axis=1)
         result += weight[:, None] * values[around[:, i]]
     return result
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTargets(Readable):
+    """Chosen components of the placement of a frame, at N samples; see `FrameTarget`.
+
+    Parameters
+    ----------
+    frame : str
+        Name of the frame.
+    positions : (N, 3) array
+        Where its origin shall be, in the world [m].
+    rotations : (N, 3, 3) array
+        Its axes, as columns.
+    mask : (6,) array of bool
+        Which of x, y, z, rx, ry, rz are prescribed, the same at all samples.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit, hold something that is not finite or no rotation, or the mask is not six
+        bools with at least one true.
+    """
+
+    frame: str
+    positions: FloatArray
+    rotations: FloatArray
+    mask: Sequence[bool] | NDArray[np.bool_] = (True,) * 6
+
+    def __post_init__(self) -> None:
+        positions = frozen_array("positions", self.positions, ("N", 3))
+        rotations = frozen_array("rotations", self.rotations, (len(positions), 3, 3))
+        wrong = np.abs(np.swapaxes(rotations, -1, -2) @ rotations - np.eye(3)).max(axis=(1, 2)) > 1e-9
+        wrong |= np.linalg.det(rotations) < 0
+        if wrong.any():
+            raise InputError(f"rotations: number {int(np.argmax(wrong))} is not a rotation matrix")
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "rotations", rotations)
+        object.__setattr__(self, "mask", FrameTarget(self.frame, pin.SE3.Identity(), self.mask).mask)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __getitem__(self, i: int) -> FrameTarget:
+        """Return the target of one sample."""
+        return FrameTarget(self.frame, pin.SE3(self.rotations[i], self.positions[i]), self.mask)
+
+
+BatchTarget: TypeAlias = FrameTargets | ArrayLike | Mapping[str, ArrayLike]
+"""Placements of a frame, values of the actuated joints, or values of joints by name, at many samples."""
+
+
+class FrameGoals:
+    """`FrameTargets` in a model."""
+
+    def __init__(self, kinematics: LoopKinematics, targets: FrameTargets) -> None:
+        frame = kinematics.frame(targets.frame, "target", InputError)
+        self._targets = targets
+        self._mask = np.asarray(targets.mask)
+        self._turns = bool(self._mask[3:].any())
+        components = tuple(int(i) for i in np.flatnonzero(self._mask))
+        ends = (0, pin.SE3.Identity(), frame.parentJoint, frame.placement.copy())
+        self.pair = Pair(ends, components, at_first=False)
+
+    def error_at(self, frames: Frames, which: IndexArray, pair: int) -> tuple[FloatArray, FloatArray]:
+        """Return the errors (n, size), and the matrices (n, 1, 3, 3) from ω to the rate of the rotation's."""
+        error = np.zeros((len(which), 6))
+        error[:, :3] = frames.p2[:, pair] - self._targets.positions[which]
+        rates: FloatArray = np.broadcast_to(np.eye(3), (len(which), 1, 3, 3))
+        if self._turns:
+            goal = np.swapaxes(self._targets.rotations[which], -1, -2)
+            error[:, 3:] = rotation_vector(frames.R2[:, pair] @ goal)
+            rates = turned_rates(error[:, 3:])[:, None]
+        return error[:, self._mask], rates
+
+    def coordinates(self, which: IndexArray) -> FloatArray:
+        """Return the prescribed positions, and the axes if a rotation is prescribed, of some samples."""
+        positions = self._targets.positions[which][:, self._mask[:3]]
+        if not self._turns:
+            return positions
+        return np.concatenate((positions, self._targets.rotations[which].reshape(-1, 9)), axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """What many samples are driven to, checked against a model: frames first, then joints."""
+
+    frames: tuple[FrameTargets, ...]  # placements of frames
+    joints: tuple[int, ...]  # ids of joints
+    values: FloatArray  # (N, n): values of these joints [m or rad]; an angle for a continuous joint
+    order: IndexArray  # (size,): of which prescribed value, as they were given, each component is
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def of_sample(self, i: int, model: pin.Model) -> list[FrameTarget | dict[str, float]]:
+        """Return the targets of one sample, as `ClosedLoopModel.complete` takes them."""
+        names = [str(model.names[joint]) for joint in self.joints]
+        values = dict(zip(names, self.values[i].tolist(), strict=True))
+        return [*(target[i] for target in self.frames), *([values] if values else [])]
+
+    def given(self, components: FloatArray) -> FloatArray:
+        """Return arrays (..., size) of components in the order in which these were given."""
+        if np.array_equal(self.order, np.arange(len(self.order))):
+            return components
+        found = np.empty_like(components)
+        found[..., self.order] = components
+        return found
+
+
+class Goals:
+    """`Targets` in a model: placements of frames, then values of joints."""
+
+    def __init__(self, kinematics: LoopKinematics, targets: Targets) -> None:
+        model, joints = kinematics.model, targets.joints
+        self._frames = [FrameGoals(kinematics, target) for target in targets.frames]
+        self._values = targets.values
+        self._q = np.array([model.idx_qs[j] for j in joints], dtype=int)
+        self._circles = np.array([model.nqs[j] == 2 for j in joints], dtype=bool)
+        self.pairs = [part.pair for part in self._frames]
+        self.rows = np.eye(model.nv)[[model.idx_vs[j] for j in joints]]
+        """Of the Jacobian, those of the joints."""
+        self.size = sum(len(pair.components) for pair in self.pairs) + len(joints)
+
+    def error(self, q: FloatArray, frames: Frames, which: IndexArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return the errors (n, size) of some samples, and `last` of `RelativeRows.jacobian` for them.
+
+        That of a continuous joint, which is given an angle, is the shorter way round.
+        """
+        found = [part.error_at(frames, which, i - len(self._frames)) for i, part in enumerate(self._frames)]
+        last = np.concatenate([rates for _, rates in found], axis=1) if found else None
+        of_joints = q[:, self._q] - self._values[which]
+        cosine, sine = self._q[self._circles], self._q[self._circles] + 1
+        goal = self._values[which][:, self._circles]
+        c, s = np.cos(goal), np.sin(goal)
+        of_joints[:, self._circles] = np.arctan2(
+            q[:, sine] * c - q[:, cosine] * s, q[:, cosine] * c + q[:, sine] * s
+        )
+        return np.concatenate([*(error for error, _ in found), of_joints], axis=1), last
+
+    def coordinates(self, which: IndexArray) -> FloatArray:
+        """Return points (n, k) whose distances say how far the goals of some samples are apart."""
+        return np.concatenate(
+            [*(part.coordinates(which) for part in self._frames), self._values[which]], axis=1
+        )
+
+
+def targets_of(
+    target: BatchTarget | Sequence[BatchTarget],
+    kinematics: LoopKinematics,
+    actuated: Sequence[int],
+    count: int,
+) -> Targets:
+    """Return targets of `count` samples, frames first; the number counts where none is given."""
+    several = isinstance(target, list | tuple) and any(
+        isinstance(part, FrameTargets | Mapping) for part in target
+    )
+    frames: list[FrameTargets] = []
+    joints: list[int] = []
+    columns: list[FloatArray] = []
+    places: list[IndexArray] = []
+    of_joints: list[IndexArray] = []
+    size = 0
+    for part in cast("Sequence[BatchTarget]", target if several else [target]):
+        if isinstance(part, FrameTargets):
+            kinematics.frame(part.frame, "target", InputError)
+            frames.append(part)
+            places.append(size + np.arange(np.count_nonzero(part.mask)))
+            size += len(places[-1])
+            continue
+        ids, values = _joint_values(kinematics, actuated, part, count)
+        joints += ids
+        columns.append(values)
+        of_joints.append(size + np.arange(len(ids)))
+        size += len(ids)
+    lengths = {len(part) for part in frames} | {len(part) for part in columns}
+    if len(lengths) != 1:
+        raise InputError(f"target: expected as many samples in all parts, got {sorted(lengths)}")
+    values = np.concatenate([np.zeros((lengths.pop(), 0)), *columns], axis=1)
+    order = np.concatenate([np.arange(0), *places, *of_joints])
+    return Targets(tuple(frames), tuple(joints), values, order)
+
+
+def _joint_values(
+    kinematics: LoopKinematics,
+    actuated: Sequence[int],
+    target: ArrayLike | Mapping[str, ArrayLike],
+    count: int,
+) -> tuple[Sequence[int], FloatArray]:
+    """Return ids of joints, and their values (N, n)."""
+    if not isinstance(target, Mapping):
+        return actuated, frozen_array("target", target, ("N", len(actuated)))
+    ids, columns = named_joints(kinematics.model, target), []
+    for name, value in target.items():
+        array = as_floats(f"target {name}", value)
+        array = np.broadcast_to(array, (count,)) if array.ndim == 0 else array
+        columns.append(frozen_array(f"target {name}", array, ("N",)))
+    if len({len(column) for column in columns}) > 1:
+        raise InputError("target: expected as many samples of all joints")
+    return ids, np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class BatchStates(Readable):
+    """Configurations that close the loops at their targets, moving; see `State`.
+
+    Parameters
+    ----------
+    q : (N, nq) array
+        Configurations; NaN in the rows of samples that failed.
+    v, a : (N, nv) array
+        Velocities and accelerations.
+    influence : (N, nv, size) array
+        How fast every joint moves per unit speed of the target: v = influence @ velocity; NaN where a sample
+        failed.
+    actuated_v : list of int
+        Rows of `influence` of the actuated joints.
+    same_assembly : (N,) array of bool
+        As in `Assembly`.
+    errors : dict of int to P3dofError
+        What went wrong, by sample.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+    influence: FloatArray
+    actuated_v: list[int]
+    same_assembly: BoolArray
+    errors: dict[int, P3dofError]
+
+    @property
+    def inverse_jacobian(self) -> FloatArray:
+        """How fast the actuated joints move per unit speed of the target, (N, n_actuated, size)."""
+        return self.influence[:, self.actuated_v]
+
+    def put(
+        self, i: IndexArray | int, q: FloatArray, v: FloatArray, a: FloatArray, G: FloatArray, same: bool
+    ) -> None:
+        """Enter what was found of some samples, G being the influence."""
+        self.q[i], self.v[i], self.a[i] = q, v, a
+        self.influence[i], self.same_assembly[i] = G, same
+
+
+class BatchAssembler:
+    """Assembles one model at many samples."""
+
+    def __init__(self, tree: ClosedTree) -> None:
+        self._tree, self._kinematics, self._assembler = tree, tree.kinematics, tree.assembler
+        self._sweep = Sweep(tree.model)
+
+    def complete(
+        self,
+        target: Targets,
+        motion: tuple[FloatArray, FloatArray],
+        guess: FloatArray | None,
+        near: FloatArray | None,
+        stop: bool,
+    ) -> BatchStates:
+        """Find configurations, velocities and accelerations from the motion of a target."""
+        model, count, goals = self._tree.model, len(motion[0]), Goals(self._kinematics, target)
+        q, v, a = (np.full((count, size), np.nan) for size in (model.nq, model.nv, model.nv))
+        G = np.full((count, model.nv, goals.size), np.nan)
+        columns = list(self._tree.actuated_v)
+        result = BatchStates(q, v, a, G, columns, np.zeros(count, dtype=bool), {})
+        begin = self._start(goals, guess) if count >= FEW else None
+        for block in blocks(count):
+            if begin is not None:
+                result.put(*self._moving(*begin, block, motion), same=True)
+            for i in block[~result.same_assembly[block]]:
+                known = _nearest(result.same_assembly, i)
+                first = near if known is None else result.q[known]
+                try:
+                    goal = target.of_sample(int(i), model)
+                    state = complete_near(self._tree, goal, motion[0][i], motion[1][i], first, guess)
+                except P3dofError as error:
+                    result.errors[int(i)] = error
+                    if stop:
+                        return result
+                else:
+                    result.put(i, state.q, state.v, state.a, state.influence, state.same_assembly)
+        return result
+
+    def _start(self, goals: Goals, guess: FloatArray | None) -> tuple[BatchSystem, Assembly] | None:
+        """Return the square system and where all samples start; None if there is none."""
+        system = BatchSystem(self._kinematics, self._sweep, goals)
+        try:
+            start = self._assembler.assemble(NoTarget(self._tree.model.nv), guess, TOLERANCE)
+        except AssemblyError:
+            return None
+        usable = start.same_assembly and system.choose(start.q, start.rank)
+        return (system, start) if usable else None
+
+    def _moving(
+        self, system: BatchSystem, start: Assembly, block: IndexArray, motion: tuple[FloatArray, FloatArray]
+    ) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return the samples of a block that pass every test, their motions and influences."""
+        velocity, acceleration = (values[block] for values in motion)
+        with np.errstate(all="ignore"):  # what is not a number passes no test
+            q, good = settle(system, start.q, block)
+            points = system.at(q, block, velocities=True)
+            good &= largest(points.r) <= np.maximum(TOLERANCE, rounding(q))
+            J, K = points.J, points.K
+            B = J[:, system.chosen]
+            good &= norms(B) * norms(K) <= 1.0 / WELL
+            good &= redundant(J[:, : self._kinematics.size], K[:, :, start.rank :], norms(B[:, start.rank :]))
+            v, fits = _solution(system, J, K, np.zeros((len(q), self._kinematics.size)), velocity)
+            good &= fits
+            drift = system.drift(q, self._sweep.moving(q, v), v)
+            closures, target = np.split(-drift, [self._kinematics.size], axis=1)
+            a, fits = _solution(system, J, K, closures, acceleration + target)
+            good &= fits
+        return block[good], q[good], v[good], a[good], system.influence(K)[good]
+
+
+class Completes(Protocol):
+    """A robot that completes motions of a target."""
+
+    def complete(
+        self, target: TargetLike, velocity: ArrayLike, acceleration: ArrayLike, guess: ArrayLike | None = None
+    ) -> State:
+        """Return configuration, velocity and acceleration of the whole tree."""
+
+
+def complete_near(
+    robot: Completes,
+    target: TargetLike,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    near: FloatArray | None,
+    guess: FloatArray | None = None,
+) -> State:
+    """Complete one state from a configuration nearby; where that leaves the assembly, from the guess."""
+    if near is not None:
+        try:
+            state = robot.complete(target, velocity, acceleration, guess=near)
+            if state.same_assembly:
+                return state
+        except AssemblyError:
+            pass
+    return robot.complete(target, velocity, acceleration, guess=guess)
+
+
+def _solution(
+    system: BatchSystem, J: FloatArray, K: FloatArray, closures: FloatArray, target: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Solve J x = b by the chosen rows; the flag says whether all others agree."""
+    b = np.concatenate((closures, target), axis=1)
+    x = apply(K, b[:, system.chosen])
+    scale = np.maximum(np.maximum(1.0, largest(b)), largest(x))
+    return x, largest(apply(J, x) - b) <= ACCURACY * scale
+
+
+def _nearest(known: BoolArray, i: int) -> int | None:
+    """Return the index nearest to i that is true, if there is one."""
+    indices = np.flatnonzero(known)
+    return int(indices[np.argmin(np.abs(indices - i))]) if len(indices) else None

@@ -21,11 +21,8 @@ import pinocchio as pin
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
 from p3dof._base.threads import Workspace
-from p3dof.loops.accuracy import ACCURACY, NO_CHANGE, SURELY, WELL
-from p3dof.loops.batch.closures import ClosureRows
-from p3dof.loops.batch.conditioning import BatchConditioning
-from p3dof.loops.batch.dynamics import generalised
-from p3dof.loops.batch.kinematics import Pair, Sweep
+from p3dof.loops.batch.dynamics import BatchHybridDynamics, Prescribed, generalised
+from p3dof.loops.batch.kinematics import BatchConditioning, ClosureRows, Pair, Sweep
 from p3dof.loops.batch.linear import (
     FEW,
     PROBES,
@@ -42,17 +39,14 @@ from p3dof.loops.batch.linear import (
     solve,
     with_probes,
 )
-from p3dof.loops.batch.results import BatchHybridDynamics, Prescribed
-from p3dof.loops.closures import TIGHT, LoopKinematics
-from p3dof.loops.coordinates import rounding
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import TIGHT
+from p3dof.loops.coordinates import ACCURACY, NO_CHANGE, SURELY, WELL, rounding
+from p3dof.loops.hybrid import KINDS
 from p3dof.loops.linear import RANK_TOLERANCE, Decomposition
-from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.prescriptions import KINDS
 
-_CHOICES = 2
-"""How many times rows and joints are chosen before all is left to the single samples."""
-_SOLUTIONS = 2
-"""Solutions of the linear equations at most; where they are not enough single samples get one more."""
+_CHOICES = 2  # how many times rows and joints are chosen before all is left to the single samples
+_SOLUTIONS = 2  # solutions of the linear equations at most; for more, single samples get one
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,23 +71,16 @@ class _Motions:
 
 
 class BatchHybrid(Workspace):
-    """Hybrid dynamics of one model at many samples.
+    """Hybrid dynamics of one model at many samples."""
 
-    Parameters
-    ----------
-    loop : LoopModel
-        The model.
-    kinematics : LoopKinematics
-        Its closures.
-    """
-
-    def __init__(self, loop: LoopModel, kinematics: LoopKinematics) -> None:
-        self._model, self._kinematics, self._actuated = loop.model, kinematics, loop.actuated_v
-        self._sweep, self._data = Sweep(loop.model), loop.model.createData()
-        self._upper = np.triu(np.ones((loop.model.nv, loop.model.nv))) - np.eye(loop.model.nv) / 2
+    def __init__(self, tree: ClosedTree) -> None:
+        kinematics = tree.kinematics
+        self._model, self._kinematics, self._actuated = tree.model, kinematics, tree.actuated_v
+        self._sweep, self._data = Sweep(tree.model), tree.model.createData()
+        self._upper = np.triu(np.ones((tree.model.nv, tree.model.nv))) - np.eye(tree.model.nv) / 2
         self._known: dict[object, tuple[ClosureRows, list[_Choice]]] = {}
         closures = ClosureRows(kinematics, self._sweep)
-        self._conditioning = BatchConditioning(kinematics, self._sweep, closures, loop.actuated_v)
+        self._conditioning = BatchConditioning(kinematics, self._sweep, closures, tree.actuated_v)
 
     def solve(
         self,
@@ -103,26 +90,7 @@ class BatchHybrid(Workspace):
         external: Mapping[str, FloatArray],
         joint_forces: FloatArray,
     ) -> tuple[BatchHybridDynamics, BoolArray]:
-        """Return what was found, and for which samples; the others are for the method for single ones.
-
-        Parameters
-        ----------
-        q : (N, nq) array
-            Configurations.
-        v : (N, nv) array
-            Velocities.
-        prescribed : Prescribed
-            The accelerations.
-        external : mapping of str to (N, 6) array
-            Wrenches on frames.
-        joint_forces : (N, nv) array
-            What acts in the joints besides the actuators.
-
-        Returns
-        -------
-        result : BatchHybridDynamics
-        good : (N,) array of bool
-        """
+        """Return what was found, and for which samples; the others are for the method for single ones."""
         count, rows, nv = len(q), self._kinematics.size, self._model.nv
         result = BatchHybridDynamics.empty(count, len(self._actuated), nv, rows)
         result.evidence.find = lambda which: self._conditioning(q[which])

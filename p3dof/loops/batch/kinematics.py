@@ -1,4 +1,6 @@
-"""Kinematics of many configurations at once: Pinocchio sample by sample, everything after it in arrays.
+"""Kinematics of many configurations at once: bodies, closures, couplings, energies, conditioning.
+
+Pinocchio goes sample by sample, everything after it is in arrays.
 
 Spatial vectors are in world axes at the world's origin, linear part first: (v_O, ω).
 """
@@ -6,62 +8,57 @@ Spatial vectors are in world axes at the world's origin, linear part first: (v_O
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import ModelError
 from p3dof._base.threads import Workspace
-from p3dof.loops.batch.linear import apply
-from p3dof.loops.rotations import cross
+from p3dof.loops.batch.linear import (
+    PROBES,
+    BoolArray,
+    IndexArray,
+    apply,
+    blocks,
+    independent_rows,
+    inverse_norms,
+    norms,
+    sized,
+    solve,
+    with_probes,
+)
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import LoopKinematics
+from p3dof.loops.coordinates import WELL, cross, rotation_vector, turned_rates
+from p3dof.loops.linear import RANK_TOLERANCE, Decomposition, actuation_of
 
-_LAYOUT = 12
-"""Numbers in a `pin.SE3`: the rotation by columns, then the translation."""
+_LAYOUT = 12  # numbers in a `pin.SE3`: the rotation by columns, then the translation
 _STEADY = ("FreeFlyer", "Planar", "Spherical", "Translation")
 """Joints of several freedoms whose axes do not turn within the joint, after `JointModel`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Bodies and joints at N configurations.
-
-    Parameters
-    ----------
-    J : (N, 6, nv) array
-        Column k: the spatial velocity that a unit rate of freedom k gives the bodies behind it.
-    J_dot : (N, 6, nv) array
-        The time derivative of `J`; empty without velocities. Where a joint's own axes turn with it, as those
-        of a universal joint, only its product with the velocity is right.
-    R : (N, njoints, 3, 3) array
-        Axes of the bodies, as columns, in the world; joint 0 is the world itself.
-    p : (N, njoints, 3) array
-        Their origins [m].
-    """
+    """Bodies and joints at N configurations."""
 
     J: FloatArray
+    """(N, 6, nv): column k: the spatial velocity that a unit rate of freedom k gives the bodies behind it."""
     J_dot: FloatArray
+    """(N, 6, nv): the time derivative of `J`; empty without velocities. Where a joint's own axes turn with
+    it, as those of a universal joint, only its product with the velocity is right."""
     R: FloatArray
-    p: FloatArray
+    """(N, njoints, 3, 3): axes of the bodies, as columns, in the world; joint 0 is the world itself."""
+    p: FloatArray  # (N, njoints, 3): their origins [m]
 
 
 class Sweep(Workspace):
     """Takes Pinocchio through many configurations.
 
     One call of Pinocchio a sample, and its results are copied straight from the memory of `pin.Data`.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-
-    Raises
-    ------
-    ModelError
-        If Pinocchio's arrays are not laid out as expected.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -87,7 +84,7 @@ class Sweep(Workspace):
             compute(model, data, q_i)
             J_i[:] = self._J
             placements_i[:] = self._placements
-        return self._samples(J, J[:, :0], placements)
+        return Samples(np.swapaxes(J, -1, -2), np.swapaxes(J[:, :0], -1, -2), *placed(placements))
 
     def moving(self, q: FloatArray, v: FloatArray) -> Samples:
         """Return the samples at configurations q (N, nq), velocities v (N, nv), until the next call."""
@@ -100,7 +97,7 @@ class Sweep(Workspace):
             for i in self._unsteady:
                 self._turn_axes(i, v_i, J_dot_i)
             placements_i[:] = self._placements
-        return self._samples(J, J_dot, placements)
+        return Samples(np.swapaxes(J, -1, -2), np.swapaxes(J_dot, -1, -2), *placed(placements))
 
     def _turn_axes(self, joint: int, v: FloatArray, J_dot: FloatArray) -> None:
         """Add to J_dot (nv, 6) what Pinocchio leaves out of it: that a joint's own axes turn, Ṡ v."""
@@ -111,21 +108,7 @@ class Sweep(Workspace):
             J_dot[freedoms] += np.outer(rate / square, bias)
 
     def twists(self, J: FloatArray, v: FloatArray, joints: Sequence[int] | slice = slice(None)) -> FloatArray:
-        """Return Σ J_k v_k over the freedoms behind some joints' bodies.
-
-        Parameters
-        ----------
-        J : (N, 6, nv) array
-            `Samples.J`, or `Samples.J_dot`.
-        v : (N, nv) array
-            Velocity, or acceleration.
-        joints : sequence of int or slice
-            The joints; all by default.
-
-        Returns
-        -------
-        (N, joints, 6) array
-        """
+        """Return Σ J_k v_k over the freedoms behind some joints' bodies; (N, joints, 6)."""
         rates = np.swapaxes(J * v[:, None, :], -1, -2)
         return np.asarray(np.matmul(self.behind[joints], rates))
 
@@ -137,27 +120,16 @@ class Sweep(Workspace):
         J, J_dot, placements = (array[:count] for array in self._room)
         return J, J_dot, placements
 
-    def _samples(self, J: FloatArray, J_dot: FloatArray, placements: FloatArray) -> Samples:
-        return Samples(np.swapaxes(J, -1, -2), np.swapaxes(J_dot, -1, -2), *placed(placements))
-
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two frames whose relative motion is prescribed.
+    """Two frames whose relative motion is prescribed."""
 
-    Parameters
-    ----------
-    ends : tuple of (int, pin.SE3, int, pin.SE3)
-        Joint and placement in its body of frame 1, then of frame 2.
-    components : tuple of int
-        Which of (vx, vy, vz, ωx, ωy, ωz) count: velocity of body 2 relative to body 1 in the axes of frame 1.
-    at_first : bool
-        Whether the velocity is that of the point at the origin of frame 1, else of frame 2.
-    """
-
-    ends: tuple[int, pin.SE3, int, pin.SE3]
+    ends: tuple[int, pin.SE3, int, pin.SE3]  # joint and placement in its body of frame 1, then of frame 2
     components: tuple[int, ...]
-    at_first: bool
+    """Which of (vx, vy, vz, ωx, ωy, ωz) count: velocity of body 2 relative to body 1 in the axes of frame
+    1."""
+    at_first: bool  # whether the velocity is that of the point at the origin of frame 1, else of frame 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,15 +144,7 @@ class Frames:
 
 
 class RelativeRows:
-    """Relative velocities of pairs of frames, and their rates, over samples.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        The model.
-    pairs : sequence of Pair
-        The pairs; their components follow each other as rows.
-    """
+    """Relative velocities of pairs of frames, and their rates, over samples."""
 
     def __init__(self, sweep: Sweep, pairs: Sequence[Pair]) -> None:
         self._sweep = sweep
@@ -203,17 +167,7 @@ class RelativeRows:
         return Frames(_turned(R1, self._R1), _turned(R2, self._R2), p1, p2, point)
 
     def jacobian(self, samples: Samples, frames: Frames, last: FloatArray | None = None) -> FloatArray:
-        """Return the matrices (N, rows, nv) from v to the relative velocities.
-
-        Parameters
-        ----------
-        samples : Samples
-            Where.
-        frames : Frames
-            The frames there.
-        last : (N, n, 3, 3) array, optional
-            What takes the place of R1ᵀ for the angular velocities of the last n pairs.
-        """
+        """Return the matrices (N, rows, nv) from v to the relative velocities."""
         J: FloatArray = np.matmul(self._projection(frames, last), samples.J)
         J *= self._sign
         return J
@@ -278,3 +232,247 @@ def placed(placements: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _address(array: NDArray[np.float64]) -> int:
     return int(array.__array_interface__["data"][0])
+
+
+@dataclass(frozen=True, eq=False)
+class BodyEnergies(Readable):
+    """Energy and momentum of the bodies of a robot, at one state or at N of them.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The n joints that carry the bodies, in Pinocchio's order. Links that are fixed to each other are one
+        body.
+    kinetic : ndarray, shape (n,) or (N, n)
+        Of each body, and of the rotor of its joint (`model.armature`) [J].
+    potential : ndarray, shape (n,) or (N, n)
+        Of each body, zero where its mass centre is at the world's origin [J].
+    momentum, angular_momentum : ndarray, shape (3,) or (N, 3)
+        Of all bodies together, without rotors, the angular one about the world's origin [N s, N m s].
+    springs : ndarray, shape () or (N,)
+        Energy in the springs of the joints [J].
+    """
+
+    names: tuple[str, ...]
+    kinetic: FloatArray
+    potential: FloatArray
+    momentum: FloatArray
+    angular_momentum: FloatArray
+    springs: FloatArray = field(default_factory=lambda: np.zeros(()))
+
+    @property
+    def total(self) -> FloatArray:
+        """Kinetic and potential energy of all bodies and springs together, shape () or (N,) [J]."""
+        return np.asarray(np.sum(self.kinetic + self.potential, axis=-1) + self.springs)
+
+
+def energies_of(tree: ClosedTree, q: ArrayLike, v: ArrayLike) -> BodyEnergies:
+    """Return energies and momenta at one state or at many; see `ClosedLoopModel.body_energies`."""
+    if np.ndim(q) != 1:
+        q, v = tree.states(q, v)
+        return replace(_body_energies(tree.model, q, v), springs=tree.passive.energy(q))
+    q, v = tree.state(q, v)
+    many = vars(_body_energies(tree.model, q[None], v[None]))
+    one = {name: value[0] for name, value in many.items() if name not in ("names", "springs")}
+    return BodyEnergies(many["names"], **one, springs=tree.passive.energy(q))
+
+
+def _body_energies(model: pin.Model, q: FloatArray, v: FloatArray) -> BodyEnergies:
+    """Return energies and momenta of the bodies of a tree."""
+    bodies = range(1, model.njoints)
+    m = np.array([model.inertias[i].mass for i in bodies])
+    lever = np.array([model.inertias[i].lever for i in bodies]).reshape(-1, 3)
+    inertia = np.array([model.inertias[i].inertia for i in bodies]).reshape(-1, 3, 3)
+    sweep = Sweep(model)
+    samples = sweep.at(q)
+    twists = sweep.twists(samples.J, v)[:, 1:]
+    R = samples.R[:, 1:]
+    c, omega = samples.p[:, 1:] + apply(R, lever), twists[..., 3:]
+    vc = twists[..., :3] + cross(omega, c)
+    turning = np.einsum("...ji,...j->...i", R, omega)  # in the axes of the body
+    spin = apply(inertia, turning)
+    rotors = np.asarray(model.armature) * v**2
+    each = [rotors[:, model.idx_vs[i] : model.idx_vs[i] + model.nvs[i]].sum(axis=-1) for i in bodies]
+    kinetic = m * np.sum(vc * vc, axis=-1) + np.sum(turning * spin, axis=-1)
+    kinetic += np.array(each).reshape(len(m), len(q)).T
+    return BodyEnergies(
+        tuple(str(name) for name in model.names[1:]),
+        kinetic / 2,
+        -m * (c @ model.gravity.linear),
+        np.sum(m[:, None] * vc, axis=1),
+        np.sum(m[:, None] * cross(c, vc) + apply(R, spin), axis=1),
+    )
+
+
+class ClosureRows:
+    """Rows of closures and couplings, then of further pairs of frames, over samples."""
+
+    def __init__(self, kinematics: LoopKinematics, sweep: Sweep, pairs: Sequence[Pair] = ()) -> None:
+        self._kinematics = kinematics
+        closures = [  # all but a ``6d`` follow the point at frame 2
+            Pair(ends, tuple(range(3 if closure.kind == "3d" else 6)), closure.kind == "6d")
+            for closure, ends in zip(kinematics.closures, kinematics.ends, strict=True)
+        ]
+        self._relative = RelativeRows(sweep, [*closures, *pairs])
+        self.frames = self._relative.frames
+        """Returns both frames of every closure, then of every further pair."""
+        sizes = [len(pair.components) for pair in (*closures, *pairs)]
+        self._size = kinematics.size + sum(sizes[len(closures) :])
+        # Where the rows of a pair come from and go to; those of other closures become less by their matrices.
+        stops = np.cumsum([0, *sizes])
+        own = {int(i) for i in kinematics.own}
+        kept = [i for i in range(len(sizes)) if i not in own]
+        starts = [rows.start for rows in kinematics.rows[: len(closures)]]
+        starts += (kinematics.size + stops[len(closures) :] - stops[len(closures)]).tolist()
+        self._from = np.array([stops[i] + k for i in kept for k in range(sizes[i])], dtype=int)
+        self._to = np.array([starts[i] + k for i in kept for k in range(sizes[i])], dtype=int)
+        self._of_own = stops[kinematics.own][:, None] + np.arange(6)
+
+    def errors(self, q: FloatArray, frames: Frames) -> FloatArray:
+        """Return how far closures and couplings are open, (N, rows) at configurations q (N, nq)."""
+        k = self._kinematics
+        errors = np.zeros((len(frames.p1), k.size))
+        for kind in ("3d", "6d"):
+            which = [i for i, closure in enumerate(k.closures) if closure.kind == kind]
+            if not which:
+                continue
+            axes = np.swapaxes(frames.R1[:, which], -1, -2)
+            found = apply(axes, frames.p2[:, which] - frames.p1[:, which])
+            if kind == "6d":
+                turn = rotation_vector(axes @ frames.R2[:, which])
+                found = np.concatenate((apply(turned_rates(turn), found), turn), axis=-1)
+            rows = np.concatenate([np.arange(k.size)[k.rows[i]] for i in which])
+            errors[:, rows] = found.reshape(len(errors), len(rows))
+        if len(k.own):
+            for group in k.kinds.at(*self._places(frames)):
+                group.errors(errors)
+        if k.couplings.size:
+            errors[:, k.coupled] = k.couplings.errors(q)
+        return errors
+
+    def jacobian(
+        self, q: FloatArray, samples: Samples, frames: Frames, last: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the Jacobian (N, rows, nv); `last` as for `RelativeRows.jacobian`."""
+        k, each = self._kinematics, self._relative.jacobian(samples, frames, last)
+        if k.plain:
+            return each
+        J = np.empty((len(each), self._size, each.shape[-1]))
+        J[:, self._to] = each[:, self._from]
+        if len(k.own):
+            for group in k.kinds.at(*self._places(frames)):
+                group.jacobian(each[:, self._of_own], J)
+        if k.couplings.size:
+            J[:, k.coupled] = k.couplings.jacobian(q)
+        return J
+
+    def drift(self, q: FloatArray, samples: Samples, frames: Frames, v: FloatArray) -> FloatArray:
+        """Return the relative accelerations (N, rows) at zero joint acceleration, for v (N, nv)."""
+        k, each = self._kinematics, self._relative.drift(samples, frames, v)
+        if k.plain:
+            return each
+        drift = np.empty((len(each), self._size))
+        drift[:, self._to] = each[:, self._from]
+        if len(k.own):
+            rates = apply(self._relative.jacobian(samples, frames), v)
+            for group in k.kinds.at(*self._places(frames)):
+                group.drift(rates[:, self._of_own], each[:, self._of_own], drift)
+        if k.couplings.size:
+            drift[:, k.coupled] = k.couplings.drift(q, v)
+        return drift
+
+    def _places(self, frames: Frames) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return d, E and turn of `closure_kinds.Relative` for the other closures."""
+        own, turning = self._kinematics.own, self._kinematics.kinds.turning
+        axes = np.swapaxes(frames.R1[:, own], -1, -2)
+        d, E = apply(axes, frames.p2[:, own] - frames.p1[:, own]), axes @ frames.R2[:, own]
+        turn = np.zeros(d.shape)
+        if len(turning):
+            turn[:, turning] = rotation_vector(E[:, turning])
+        return d, E, turn
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Independent rows of closures, the others, the joints that follow by these, idle ones, all others."""
+
+    rows: IndexArray
+    left: IndexArray
+    passive: IndexArray
+    idle: IndexArray
+    free: IndexArray
+
+
+def choose(J: FloatArray, actuated_v: IndexArray) -> Choice:
+    """Return independent rows, and the joints that follow by these."""
+    passive = np.setdiff1d(np.arange(J.shape[1]), actuated_v)
+    rank = len(passive)
+    rows, chosen = independent_rows(J[:, passive], rank), passive
+    if len(rows) < rank:
+        rank = Decomposition.of(J).rank
+        rows = independent_rows(J, rank)
+        chosen = passive[independent_rows(J[rows][:, passive].T, rank)]
+        if len(chosen) < len(rows):
+            chosen = passive[:0]  # joints that are actuated follow from others, too
+    idle = np.setdiff1d(passive, chosen) if len(chosen) else passive[:0]
+    left = np.setdiff1d(np.arange(len(J)), rows)
+    return Choice(rows, left, chosen, idle, np.concatenate((actuated_v, idle)))
+
+
+class BatchConditioning:
+    """The conditioning of one model at many configurations."""
+
+    def __init__(
+        self, kinematics: LoopKinematics, sweep: Sweep, closures: ClosureRows, actuated_v: IndexArray
+    ) -> None:
+        self._kinematics, self._sweep, self._closures = kinematics, sweep, closures
+        self._actuated = actuated_v
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Return the conditioning (N,) at configurations (N, nq)."""
+        found = np.zeros(len(q))
+        for block in blocks(len(q), sized(self._kinematics.size, self._kinematics.model.nv)):
+            samples = self._sweep.at(q[block])
+            J = self._closures.jacobian(q[block], samples, self._closures.frames(samples))
+            choice = choose(J[0], self._actuated)
+            well: BoolArray = np.zeros(len(block), dtype=bool)
+            if len(choice.rows) == len(choice.passive):
+                found[block], well = self._chosen(J, choice)
+            alone = block[~well]
+            found[alone] = [self._alone(row) for row in q[alone]]
+        return found
+
+    def _alone(self, q: FloatArray) -> float:
+        return actuation_of(self._kinematics.at(q).svd, self._actuated).least
+
+    def _chosen(self, J: FloatArray, choice: Choice) -> tuple[FloatArray, BoolArray]:
+        """Return the conditioning by a choice, and where it is good."""
+        JR, others, count = J[:, choice.rows], J[:, choice.left], len(self._actuated)
+        Jp, Jf = JR[:, :, choice.passive], JR[:, :, choice.free]
+        with np.errstate(all="ignore"):
+            x = solve(Jp, with_probes(Jf))
+            well = norms(Jp) * inverse_norms(x) <= 1.0 / WELL
+            N = x[:, :, PROBES:]  # of the joints that follow, but for the sign; that of the others is 1
+            well &= follows(others[:, :, choice.free] - others[:, :, choice.passive] @ N, norms(J), len(J[0]))
+        N = np.where(well[:, None, None], N, 0.0)
+        square = np.eye(N.shape[2]) + np.swapaxes(N, -1, -2) @ N
+        if len(choice.idle):
+            # Orthonormal motions have the rows E (NᵀN)^(-1/2) of the actuated joints, E being the first ones
+            # of 1; the inverse of E (NᵀN)⁻¹ Eᵀ is what elimination of the passive joints leaves of NᵀN.
+            across = square[:, count:, :count]
+            more = np.linalg.solve(square[:, count:, count:], across)
+            square = square[:, :count, :count] - np.swapaxes(across, -1, -2) @ more
+        return 1.0 / np.sqrt(np.linalg.eigvalsh(square).max(axis=1, initial=1.0)), np.asarray(well)
+
+
+def follow(others: FloatArray, weights: FloatArray, J: FloatArray, size: FloatArray) -> BoolArray:
+    """Whether rows that were left out follow from those that were chosen; (n,) array of bool."""
+    count = J.shape[1] + others.shape[1]
+    return follows(others - np.swapaxes(weights, -1, -2) @ J, size, count)
+
+
+def follows(apart: FloatArray, size: FloatArray, count: int) -> BoolArray:
+    """Whether what is left of rows (n, left, k) is nothing beside all rows, of a size (n,) and so many."""
+    if not apart.shape[1]:
+        return np.ones(len(apart), dtype=bool)
+    return np.asarray(norms(apart) <= RANK_TOLERANCE * size / np.sqrt(count))

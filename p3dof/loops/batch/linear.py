@@ -12,14 +12,10 @@ from p3dof._base.checks import FloatArray
 IndexArray = NDArray[np.int_]
 BoolArray = NDArray[np.bool_]
 
-BLOCK = 1024
-"""Samples that are treated together: enough to make calls cheap, few enough for the processor's cache."""
-PROBES = 4
-"""How many right sides tell how large an inverse is."""
-_CACHE = 2**20
-"""Bytes of one stack of matrices [B]."""
-FEW = 8
-"""Fewer samples than this are treated one by one, which is as fast."""
+BLOCK = 1024  # samples that are treated together: calls are cheap, and all fits the processor's cache
+PROBES = 4  # how many right sides tell how large an inverse is
+_CACHE = 2**20  # bytes of one stack of matrices [B]
+FEW = 8  # fewer samples than this are treated one by one, which is as fast
 
 
 def apply(A: FloatArray, x: FloatArray) -> FloatArray:
@@ -67,21 +63,7 @@ def inverse_norms(x: FloatArray) -> FloatArray:
 
 
 def independent_rows(A: FloatArray, count: int, given: Sequence[int] | IndexArray = ()) -> IndexArray:
-    """Return the indices of `count` rows of A (m, n), fewer if there are not so many, far from dependent.
-
-    Parameters
-    ----------
-    A : (m, n) array
-        The matrix.
-    count : int
-        How many rows to choose.
-    given : sequence of int
-        Rows that are chosen already.
-
-    Returns
-    -------
-    array of int
-    """
+    """Return the indices of `count` rows of A (m, n), fewer if there are not so many, far from dependent."""
     left, chosen = A.copy(), [int(i) for i in given]
     least = 1e-6 * np.abs(A).max(initial=0.0)
     for k in range(len(chosen) + count):

@@ -9,18 +9,67 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from p3dof._base import integrators
 from p3dof._base.checks import FloatArray
 from p3dof.loops.compiled import build
-from p3dof.loops.compiled.adaptive_source import adaptive_source
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
-from p3dof.loops.compiled.kernels import pointers, sizes
-from p3dof.loops.compiled.runs import Limited
+from p3dof.loops.compiled.formulas import Robot
+from p3dof.loops.compiled.function import Function, pointers, sizes
+from p3dof.loops.compiled.printing import fill, lanes_source, listed
+from p3dof.loops.compiled.runs import Limited, defaults_of, sizes_of
+
+_MODEL = """\
+    if (a->control >= PD_WITH_GRAVITY) {
+        double in[@inputs] = {0}, out[@outputs];
+        memcpy(in, y, sizeof(double) * NQ);
+@defaults
+        for (int i = 0; i < FREE && a->control == COMPUTED_TORQUE; ++i)
+            in[NQ + i] = y[NQ + free_v[i]];
+        for (int i = 0; i < MOTORS && a->control == COMPUTED_TORQUE; ++i)
+            in[NQ + FREE + i] = wanted[i];
+        model_forces_one(in, out);
+        for (int i = 0; i < MOTORS; ++i)
+            wanted[i] = a->control == COMPUTED_TORQUE ? out[i] : wanted[i] + out[i];
+        a->doubtful |= !(out[MOTORS + 2] > 0.0);
+    }
+"""
+
+
+def adaptive_source(
+    robot: Robot,
+    flow: Function,
+    model: Function | None,
+    defaults: Mapping[str, list[float]],
+    limited: Sequence[tuple[int, int]],
+) -> str:
+    """Return C that follows a robot in time with adaptive steps."""
+    by_model = ""
+    if model is not None:
+        lines, size = defaults_of(robot, model, defaults)
+        by_model = _MODEL.replace("@inputs", str(size)).replace("@outputs", str(len(model.results)))
+        by_model = by_model.replace("@defaults\n", lines)
+    text = fill(
+        "adaptive.in",
+        **sizes_of(robot, flow, list(flow.inputs.values())[3:-1]),
+        motor_speeds=listed(list(robot.motors) or [0]),
+        free_places=listed(list(robot.independent) or [0]),
+        limits=len(limited),
+        limit_q=listed([q for q, _ in limited] or [0]),
+        limit_v=listed([v for _, v in limited] or [0]),
+        model=by_model,
+        dop853=integrators.text("dop853"),
+        crossings=integrators.text("crossings"),
+    )
+    functions = [replace(flow, name="flow")]
+    functions += [] if model is None else [replace(model, name="model_forces")]
+    return lanes_source(functions, text, calls=False)
+
 
 Other: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray | None]
 """State and forces of the motors to the derivative of the state; None if it has to be given up."""
@@ -36,6 +85,7 @@ class _Adaptive(ctypes.Structure):
             (name, ctypes.c_int)
             for name in ("control", "continuous", "closing", "reason", "crawled", "doubtful")
         ),
+        ("trials", ctypes.c_int * 2),
         *((name, ctypes.c_double) for name in ("rtol", "atol", "longest", "next", "shortest")),
         *((name, ctypes.c_double) for name in ("span", "period", "end")),
         *((name, ctypes.c_void_p) for name in ("edge", "tick", "times", "lower", "upper", "given")),
@@ -46,42 +96,20 @@ class _Adaptive(ctypes.Structure):
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """How a run is cut into parts and steps.
+    """How a run is cut into parts and steps."""
 
-    Parameters
-    ----------
-    edges : (K + 1,) array
-        When steps must end, the beginning first [s].
-    tick : (K,) array of uint8
-        At which of them the controller acts.
-    times : (S,) array
-        Of the samples [s].
-    period : float
-        How long forces are held [s]; zero for always.
-    rtol, atol, longest, shortest : float
-        Tolerances, longest step, and one that leads nowhere.
-    """
-
-    edges: FloatArray
-    tick: NDArray[np.uint8]
-    times: FloatArray
-    period: float
-    rtol: float
+    edges: FloatArray  # (K + 1,): when steps must end, the beginning first [s]
+    tick: NDArray[np.uint8]  # (K,): at which of them the controller acts
+    times: FloatArray  # (S,): of the samples [s]
+    period: float  # how long forces are held [s]; zero for always
+    rtol: float  # tolerances, longest step, and one that leads nowhere
     atol: float
     longest: float
     shortest: float
 
 
 class CompiledAdaptation:
-    """What follows one robot with adaptive steps, compiled.
-
-    Parameters
-    ----------
-    compiled : CompiledLoop
-        The robot.
-    model : CompiledLoop, optional
-        The model of its controller, with the same independent coordinates.
-    """
+    """What follows one robot with adaptive steps, compiled."""
 
     def __init__(self, compiled: CompiledLoop, model: CompiledLoop | None = None) -> None:
         flow = compiled.function("stabilised_flow")
@@ -96,29 +124,7 @@ class CompiledAdaptation:
 
 
 class AdaptiveRun:
-    """One run that waits, or goes on from tick to tick.
-
-    Parameters
-    ----------
-    made : CompiledAdaptation
-        The robot.
-    how : Adaptation
-        Its parts and steps.
-    state : (nq + nv,) array
-        Where it starts; the array holds the state from then on.
-    given : mapping of str to array
-        ``kp``, ``kd``, ``most``, ``forces`` (n,), ``stabilisation``, and what else acts.
-    rows : three (ticks, n) arrays
-        As of `CompiledRuns.prepare`.
-    limited : Limited
-        Where it ends.
-    control : int
-        What gives the forces.
-    continuous : bool
-        Whether these change with the state all the time.
-    other : callable, optional
-        What decides at states where the compiled dynamics is not to be trusted; without it they end the run.
-    """
+    """One run that waits, or goes on from tick to tick."""
 
     def __init__(
         self,
@@ -159,7 +165,7 @@ class AdaptiveRun:
         inputs, targets, strides, past = (ctypes.addressof(one) for one in lists)
         self._run: Any = _Adaptive(
             *(0, len(how.tick), 0, 0, len(how.times), count, 0),
-            *(control, continuous, 1, 0, 0, 0),
+            *(control, continuous, 1, 0, 0, 0, (0, 0)),
             *(how.rtol, how.atol, how.longest, 0.0, how.shortest, float(how.edges[-1]), how.period, 0.0),
             *(array.ctypes.data for array in arrays),
             *(inputs, targets, strides, self.state.ctypes.data, room[0].ctypes.data, past),
@@ -175,11 +181,8 @@ class AdaptiveRun:
 
         Closing is whether a sample at the end belongs to them.
 
-        Returns
-        -------
-        int
-            Why it ended: zero if it did not, -1 if others have to decide, else one more than the place among
-            the limits that are counted, the lower ones first.
+        Why it ended: zero if it did not, -1 if others have to decide, else one more than the place among the
+        limits that are counted, the lower ones first.
         """
         run = self._run
         run.begin, run.edges, run.closing, run.row = begin, edges, closing, row

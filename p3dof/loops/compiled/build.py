@@ -35,8 +35,7 @@ LEVELS = {
 """Instructions that may be used, by name: those of this processor, or of a family."""
 _FLAGS = ("-O2", "-std=gnu11", "-g0", "-shared", "-fPIC", "-fno-math-errno", "-fno-trapping-math", "-w")
 _CONTRACT = ("-ffp-contract=fast",)
-_SECONDS = 300.0
-"""Longest time that a compiler gets."""
+_SECONDS = 300.0  # longest time that a compiler gets
 
 
 @cache
@@ -70,28 +69,7 @@ def _processor() -> str:
 
 
 def libraries(sources: Sequence[str], level: str = "auto") -> list[ctypes.CDLL]:
-    """Return shared libraries of C sources; those that were compiled before come from the cache.
-
-    Parameters
-    ----------
-    sources : sequence of str
-        Texts of C; several are compiled side by side.
-    level : str
-        One of `LEVELS`.
-
-    Returns
-    -------
-    list of ctypes.CDLL
-
-    Raises
-    ------
-    MissingExtraError
-        If there is no C compiler.
-    ModelError
-        If it fails, or takes longer than five minutes.
-    FileError
-        If there is no place for temporary files.
-    """
+    """Return shared libraries of C sources; those that were compiled before come from the cache."""
     program = compiler()
     if program is None:
         raise MissingExtraError("compiling needs a C compiler, gcc or clang, on the path")

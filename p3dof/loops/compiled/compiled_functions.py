@@ -13,20 +13,17 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, as_floats, frozen_array, shown
 from p3dof._base.errors import InputError, ModelWarning
 from p3dof._base.threads import thread_count
-from p3dof.loops.closed_tree import CLOSED
+from p3dof.loops.closed_tree import CLOSED, External
 from p3dof.loops.compiled import build
-from p3dof.loops.compiled.function import Function
+from p3dof.loops.compiled.function import BoundFunction, Function, Kernel
 from p3dof.loops.compiled.functions import FUNCTIONS
-from p3dof.loops.compiled.kernels import BoundFunction, Kernel
 from p3dof.loops.compiled.printing import lanes_source
 from p3dof.loops.compiled.results import Tangents
 from p3dof.loops.compiled.robot import CompiledRobot, closed_configurations, robot_of
-from p3dof.loops.derivatives_model import DerivativesModel
-from p3dof.loops.independent import coordinate_names
-from p3dof.loops.loop_model import External
+from p3dof.loops.loop_model import LoopModel
+from p3dof.loops.minimal import coordinate_names
 
-_DIRECTIONS = 65_536
-"""Samples times directions that are done at a time."""
+_DIRECTIONS = 65_536  # samples times directions that are done at a time
 
 
 class CompiledFunctions:
@@ -34,7 +31,7 @@ class CompiledFunctions:
 
     def __init__(
         self,
-        loop: DerivativesModel,
+        loop: LoopModel,
         around: ArrayLike | None = None,
         external: Iterable[str] = (),
         joint_forces: bool = False,
@@ -48,17 +45,13 @@ class CompiledFunctions:
             )
         if level != "numpy" and build.compiler() is None:
             warnings.warn(
-                "no C compiler (gcc or clang) on the path: NumPy computes what would be compiled",
+                "no C compiler (gcc or clang) on the path: NumPy computes the same, more slowly",
                 ModelWarning,
                 stacklevel=3,
             )
             level = "numpy"
-        self.level = level
-        """Instructions that are used."""
-        self._loop, self._threads = (
-            loop.copy(),
-            thread_count(threads),
-        )
+        self.level = level  # instructions that are used
+        self._loop, self._threads = (loop.copy(), thread_count(threads))
         start = _configurations(self._loop, around)
         self._around = start
         self._robot = robot_of(self._loop, start, external, joint_forces, inertias)
@@ -67,8 +60,7 @@ class CompiledFunctions:
         """Coordinates whose speeds the others follow from: joints, or single freedoms such as ``base[2]``."""
         self.external: tuple[str, ...] = tuple(load.name for load in self._robot.loads)
         """Frames on which external wrenches act."""
-        self.kept: dict[object, object] = {}
-        """What others make of it and keep, by keys of their own."""
+        self.kept: dict[object, object] = {}  # what others make of it and keep, by keys of their own
         self._making = threading.RLock()  # once, whoever asks meanwhile
         self._functions: dict[str, Function] = {}
         self._kernels: dict[str, Kernel] = {}
@@ -78,32 +70,23 @@ class CompiledFunctions:
         names = ", ".join(self.independent)
         return f"CompiledLoop({self._loop.model.name!r}, level={self.level!r}, independent=[{names}])"
 
-    def is_of(self, loop: DerivativesModel) -> bool:
+    def is_of(self, loop: LoopModel) -> bool:
         """Return whether a robot is the one that was compiled, as it was then.
 
         Parameters
         ----------
-        loop : ClosedLoopModel
+        loop : LoopModel
             The robot.
-
-        Returns
-        -------
-        bool
         """
         return bool(loop.model == self._loop.model) and loop.sidecar == self._loop.sidecar
 
     def margin(self, q: ArrayLike) -> float:
-        """Return how far a configuration is from where the partition of speeds fails; one is usual.
+        """Return how far q is from where the partition fails: the smallest pivot over its usual value.
 
         Parameters
         ----------
         q : (nq,) array
             Configuration.
-
-        Returns
-        -------
-        float
-            Smallest pivot over what it usually is.
 
         Raises
         ------
@@ -123,10 +106,6 @@ class CompiledFunctions:
         name : str
             One of the functions that can be bound, see `bind`.
 
-        Returns
-        -------
-        int
-
         Raises
         ------
         InputError
@@ -144,10 +123,6 @@ class CompiledFunctions:
             acceleration
             and forces from those of the independent speeds), ``step`` (one of Newton's method), ``integrate``
             (a configuration moved by a small rate), ``tangent_of_forces``, ``tangent_of_accelerations``.
-
-        Returns
-        -------
-        BoundFunction
 
         Raises
         ------
@@ -210,7 +185,7 @@ class CompiledFunctions:
         return [parts[i].kind == "prismatic" for i in self._robot.independent]
 
     def rows(self, name: str, inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return all outputs of a function at many samples; nothing is checked.
+        """Return all outputs (N, size) of a function at many samples; nothing is checked.
 
         Parameters
         ----------
@@ -218,10 +193,6 @@ class CompiledFunctions:
             One of those that can be bound, see `bind`.
         inputs : mapping of str to (N, size) or (size,) array
             ``q``, which has N rows, and what else the function takes; what is not given is as by default.
-
-        Returns
-        -------
-        dict of str to (N, size) array
         """
         given = {**self._defaults, **inputs}
         return self._run(name, {key: given[key] for key in self.function(name).inputs})
@@ -233,10 +204,6 @@ class CompiledFunctions:
         ----------
         name : str
             One of those that can be bound, see `bind`.
-
-        Returns
-        -------
-        Function
 
         Raises
         ------
@@ -311,7 +278,7 @@ class CompiledFunctions:
 
     def _alone(
         self, i: int, load: Mapping[str, FloatArray]
-    ) -> tuple[DerivativesModel, tuple[dict[str, FloatArray], FloatArray | None]]:
+    ) -> tuple[LoopModel, tuple[dict[str, FloatArray], FloatArray | None]]:
         """Return the general robot of a sample, and what acts on it."""
         row = {name: value if value.ndim == 1 else value[i] for name, value in load.items()}
         loop = self._robot.with_inertias(self._loop, row)
@@ -319,11 +286,7 @@ class CompiledFunctions:
         return loop, (forces, row.get("joint_forces"))
 
     def _tangents(
-        self,
-        name: str,
-        given: Mapping[str, FloatArray],
-        load: Mapping[str, FloatArray],
-        seeds: Sequence[str],
+        self, name: str, given: Mapping[str, FloatArray], load: Mapping[str, FloatArray], seeds: Sequence[str]
     ) -> Tangents:
         """Return derivatives: every sample as many times as there are directions, side by side."""
         count, function = len(given["q"]), self.function(name)
@@ -345,7 +308,7 @@ class CompiledFunctions:
         return Tangents(joined, edges)
 
 
-def _configurations(loop: DerivativesModel, around: ArrayLike | None) -> list[FloatArray]:
+def _configurations(loop: LoopModel, around: ArrayLike | None) -> list[FloatArray]:
     if around is None:
         return closed_configurations(loop, np.array(loop.assemble().q))
     rows = frozen_array("around", np.atleast_2d(as_floats("around", around)), ("K", loop.model.nq))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array
-from p3dof._base.errors import InputError
+from p3dof._base.checks import FloatArray, not_negative
+from p3dof.loops.closed_tree import External
 from p3dof.loops.compiled.following import FollowingLoop
 from p3dof.loops.compiled.results import (
     CompiledDerivatives,
@@ -16,7 +18,7 @@ from p3dof.loops.compiled.results import (
     with_general,
 )
 from p3dof.loops.derivatives import ByForces, ByMotion
-from p3dof.loops.loop_model import External
+from p3dof.loops.loop_model import LoopModel
 
 
 class CompiledLoop(FollowingLoop):
@@ -24,7 +26,7 @@ class CompiledLoop(FollowingLoop):
 
     Parameters
     ----------
-    loop : DerivativesModel
+    loop : ClosedLoopModel
         The robot as it is now: masses and gravity that change later are not seen.
     around : (K, nq) array, optional
         Closed configurations that the partition of speeds is made for.
@@ -58,7 +60,7 @@ class CompiledLoop(FollowingLoop):
         joint_forces: ArrayLike | None = None,
         inertias: Mapping[str, ArrayLike] | None = None,
     ) -> CompiledDynamics:
-        """Return the actuator forces that produce a motion, at one sample or at N.
+        """Return the forces ``tau`` that produce a motion, and ``lambda_``, at one sample or at N.
 
         Parameters
         ----------
@@ -75,27 +77,13 @@ class CompiledLoop(FollowingLoop):
             Inertial parameters of the bodies of joints that were named when it was compiled, as
             `pinocchio.Inertia.toDynamicParameters` gives them; what the robot has by default.
 
-        Returns
-        -------
-        CompiledDynamics
-            With ``tau`` and ``lambda_``.
-
         Raises
         ------
         InputError, SingularityError, DynamicsError
             Of one sample, as `ClosedLoopModel.inverse_dynamics`; those of many are in ``errors``.
         """
-        nv = self._loop.model.nv
-        given, single = self._rows({"q": (q, self._loop.model.nq), "v": (v, nv), "a": (a, nv)})
-        load = self._load(len(given["q"]), external, joint_forces, inertias)
-        found = self._run("inverse_dynamics", {**given, **load})
-
-        def alone(i: int) -> dict[str, ArrayLike]:
-            loop, (forces, joints) = self._alone(i, load)
-            done = loop.inverse_dynamics(given["q"][i], given["v"][i], given["a"][i], forces, joints)
-            return {"tau": done.tau, "lambda_": done.lambda_}
-
-        return with_general(found, alone, ("tau", "lambda_"), single)
+        state, acting = self._state(q, v, "a", a, self._loop.model.nv), (external, joint_forces, inertias)
+        return self._found("inverse_dynamics", state, acting, LoopModel.inverse_dynamics, ("tau", "lambda_"))
 
     def hybrid_dynamics(
         self,
@@ -107,7 +95,7 @@ class CompiledLoop(FollowingLoop):
         inertias: Mapping[str, ArrayLike] | None = None,
         stabilisation: float = 0.0,
     ) -> CompiledDynamics:
-        """Return forces and motion for accelerations of the actuated joints; idle freedoms move as they must.
+        """Return ``tau``, ``a``, ``lambda_`` for accelerations of actuated joints; passive ones move freely.
 
         Parameters
         ----------
@@ -122,11 +110,6 @@ class CompiledLoop(FollowingLoop):
         stabilisation : float
             β of Baumgarte's stabilisation [1/s], as of `ClosedLoopModel.forward_dynamics`.
 
-        Returns
-        -------
-        CompiledDynamics
-            With ``tau``, ``a`` and ``lambda_``.
-
         Raises
         ------
         ModelError
@@ -134,21 +117,13 @@ class CompiledLoop(FollowingLoop):
         InputError, SingularityError, DynamicsError
             Of one sample, as `ClosedLoopModel.hybrid_dynamics`; those of many are in ``errors``.
         """
-        model, count = self._loop.model, len(self._robot.motors)
-        given, single = self._rows(
-            {"q": (q, model.nq), "v": (v, model.nv), "a_actuated": (a_actuated, count)}
-        )
-        load = self._load(len(given["q"]), external, joint_forces, inertias)
-        name, beta = _stabilised("hybrid_dynamics", stabilisation)
-        found = self._run(name, {**given, **load, **beta})
 
-        def alone(i: int) -> dict[str, ArrayLike]:
-            loop, (forces, joints) = self._alone(i, load)
-            sample = given["q"][i], given["v"][i], given["a_actuated"][i]
-            done = loop.hybrid_dynamics(*sample, None, forces, joints)
-            return {"tau": done.tau, "a": done.a, "lambda_": done.lambda_}
+        def general(loop: LoopModel, q: Any, v: Any, a_actuated: Any, forces: Any, joints: Any) -> Any:
+            return loop.hybrid_dynamics(q, v, a_actuated, None, forces, joints)
 
-        return with_general(found, alone, ("tau", "a", "lambda_"), single)
+        state = self._state(q, v, "a_actuated", a_actuated, len(self._robot.motors))
+        acting, outputs = (external, joint_forces, inertias), ("tau", "a", "lambda_")
+        return self._found("hybrid_dynamics", state, acting, general, outputs, stabilisation)
 
     def forward_dynamics(
         self,
@@ -160,7 +135,7 @@ class CompiledLoop(FollowingLoop):
         inertias: Mapping[str, ArrayLike] | None = None,
         stabilisation: float = 0.0,
     ) -> CompiledDynamics:
-        """Return the acceleration that actuator forces produce, at one sample or at N.
+        """Return the acceleration ``a`` that actuator forces produce, at one sample or at N.
 
         Parameters
         ----------
@@ -170,33 +145,17 @@ class CompiledLoop(FollowingLoop):
             Velocities.
         tau : (n_actuated,) or (N, n_actuated) array
             Forces of the actuated joints [N or N m].
-        external, joint_forces, inertias
-            As in `inverse_dynamics`.
-        stabilisation : float
-            β of Baumgarte's stabilisation [1/s], as of `ClosedLoopModel.forward_dynamics`.
-
-        Returns
-        -------
-        CompiledDynamics
-            With ``a``.
+        external, joint_forces, inertias, stabilisation
+            As of `hybrid_dynamics`.
 
         Raises
         ------
         InputError, DynamicsError
             Of one sample, as `ClosedLoopModel.forward_dynamics`; those of many are in ``errors``.
         """
-        model, count = self._loop.model, len(self._robot.motors)
-        given, single = self._rows({"q": (q, model.nq), "v": (v, model.nv), "tau": (tau, count)})
-        load = self._load(len(given["q"]), external, joint_forces, inertias)
-        name, beta = _stabilised("forward_dynamics", stabilisation)
-        found = self._run(name, {**given, **load, **beta})
-
-        def alone(i: int) -> dict[str, ArrayLike]:
-            loop, (forces, joints) = self._alone(i, load)
-            done = loop.forward_dynamics(given["q"][i], given["v"][i], given["tau"][i], forces, joints)
-            return {"a": done.a}
-
-        return with_general(found, alone, ("a",), single)
+        state = self._state(q, v, "tau", tau, len(self._robot.motors))
+        acting, general = (external, joint_forces, inertias), LoopModel.forward_dynamics
+        return self._found("forward_dynamics", state, acting, general, ("a",), stabilisation)
 
     def inverse_dynamics_derivatives(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, external: External | None = None
@@ -205,24 +164,17 @@ class CompiledLoop(FollowingLoop):
 
         Parameters
         ----------
-        q : (nq,) or (N, nq) array
-            Configurations, with closed loops.
-        v, a : (nv,) or (N, nv) array
-            Velocities and accelerations, which keep the loops closed.
+        q, v, a
+            As of `inverse_dynamics`.
         external : mapping of str to (6,) or (N, 6) array, optional
             As in `inverse_dynamics`; constant in world axes.
-
-        Returns
-        -------
-        CompiledDerivatives
 
         Raises
         ------
         InputError, SingularityError, DynamicsError
             Of one sample, as `ClosedLoopModel.inverse_dynamics_derivatives`; those of many are in ``errors``.
         """
-        nv = self._loop.model.nv
-        given, single = self._rows({"q": (q, self._loop.model.nq), "v": (v, nv), "a": (a, nv)})
+        given, single = self._rows(self._state(q, v, "a", a, self._loop.model.nv))
         load = self._load(len(given["q"]), external, None)
 
         def alone(i: int) -> tuple[FloatArray, ByMotion]:
@@ -255,17 +207,12 @@ class CompiledLoop(FollowingLoop):
         external : mapping of str to (6,) or (N, 6) array, optional
             As in `inverse_dynamics`; constant in world axes.
 
-        Returns
-        -------
-        CompiledDerivatives
-
         Raises
         ------
         InputError, DynamicsError
             Of one sample, as `ClosedLoopModel.forward_dynamics_derivatives`; those of many are in ``errors``.
         """
-        model, count = self._loop.model, len(self._robot.motors)
-        given, single = self._rows({"q": (q, model.nq), "v": (v, model.nv), "tau": (tau, count)})
+        given, single = self._rows(self._state(q, v, "tau", tau, len(self._robot.motors)))
         load = self._load(len(given["q"]), external, None)
 
         def alone(i: int) -> tuple[FloatArray, ByForces]:
@@ -282,10 +229,31 @@ class CompiledLoop(FollowingLoop):
         found = self._tangents("tangent_of_accelerations", inputs, load, ("dq", "dv", "dtau"))
         return derivatives_with_general(found, ("a", "da"), ByForces, alone, single)
 
+    def _state(
+        self, q: ArrayLike, v: ArrayLike, name: str, value: ArrayLike, size: int
+    ) -> dict[str, tuple[ArrayLike, int]]:
+        """Return the inputs of a function, with their widths."""
+        return {"q": (q, self._loop.model.nq), "v": (v, self._loop.model.nv), name: (value, size)}
 
-def _stabilised(name: str, stabilisation: float) -> tuple[str, dict[str, FloatArray]]:
-    """Return the function for β, and that as its input."""
-    beta = frozen_array("stabilisation", stabilisation, ())
-    if beta < 0:
-        raise InputError(f"stabilisation: expected zero or more, got {float(beta):g}")
-    return (f"stabilised_{name}", {"stabilisation": beta.reshape(1)}) if beta else (name, {})
+    def _found(
+        self,
+        name: str,
+        state: Mapping[str, tuple[ArrayLike, int]],
+        acting: tuple[Any, Any, Any],
+        general: Callable[..., Any],
+        outputs: tuple[str, ...],
+        stabilisation: float = 0.0,
+    ) -> CompiledDynamics:
+        """Return the outputs of a function, where they are not to be trusted those of the general layer."""
+        given, single = self._rows(state)
+        load = self._load(len(given["q"]), *acting)
+        beta = not_negative("stabilisation", stabilisation)
+        more = {"stabilisation": np.array([beta])} if beta else {}
+        found = self._run(f"stabilised_{name}" if beta else name, {**given, **load, **more})
+
+        def alone(i: int) -> dict[str, ArrayLike]:
+            loop, loads = self._alone(i, load)
+            done = general(loop, *(rows[i] for rows in given.values()), *loads)
+            return {key: getattr(done, key) for key in outputs}
+
+        return with_general(found, alone, outputs, single)

@@ -15,11 +15,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from p3dof._base.tracing import Number
-from p3dof.loops.compiled.tree import Placements, Tree
-from p3dof.loops.compiled.vectors import (
+from p3dof.loops.compiled.tree import (
     NOTHING,
     ZERO,
     Matrix,
+    Placements,
+    Tree,
     Vector,
     added,
     axial,
@@ -38,23 +39,13 @@ from p3dof.loops.compiled.vectors import (
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Velocities and accelerations of bodies in their own axes.
+class BodyRates:
+    """Velocities and accelerations of bodies in their own axes."""
 
-    Parameters
-    ----------
-    omega, alpha : list of Vector
-        Angular velocity and acceleration, by part.
-    A : list of Vector
-        Acceleration of the origin, less gravity.
-    U : list of Matrix
-        What the acceleration of a point has by its place.
-    """
-
-    omega: list[Vector]
+    omega: list[Vector]  # angular velocity and acceleration, by part
     alpha: list[Vector]
-    A: list[Vector]
-    U: list[Matrix]
+    A: list[Vector]  # acceleration of the origin, less gravity
+    U: list[Matrix]  # what the acceleration of a point has by its place
 
 
 def velocities(tree: Tree, where: Placements, v: Sequence[Number]) -> list[Vector]:
@@ -73,26 +64,8 @@ def motion(
     omega: list[Vector],
     gravity: Vector,
     only: Collection[int] | None = None,
-) -> Motion:
-    """Return the accelerations of bodies.
-
-    Parameters
-    ----------
-    tree, where : Tree, Placements
-        The tree.
-    v, a : sequence of (nv,) numbers
-        Velocity and acceleration of the joints.
-    omega : list of Vector
-        From `velocities`.
-    gravity : Vector
-        [m/s²].
-    only : collection of int, optional
-        Which parts, with all before them; all of them by default.
-
-    Returns
-    -------
-    Motion
-    """
+) -> BodyRates:
+    """Return the accelerations of bodies."""
     alpha, A, U = [ZERO], [times(-1.0, gravity)], [NOTHING]
     for i, part in enumerate(tree.parts[1:], 1):
         if only is not None and i not in only:
@@ -111,30 +84,13 @@ def motion(
         alpha.append(alpha_i)
         A.append(start)
         U.append(rate_matrix(omega[i], alpha_i))
-    return Motion(omega, alpha, A, U)
+    return BodyRates(omega, alpha, A, U)
 
 
 def forces(
-    tree: Tree,
-    where: Placements,
-    moving: Motion,
-    loads: Mapping[int, tuple[Vector, Vector]],
+    tree: Tree, where: Placements, moving: BodyRates, loads: Mapping[int, tuple[Vector, Vector]]
 ) -> list[Number]:
-    """Return the generalised forces (nv,) that bodies need, less what external wrenches give; no armature.
-
-    Parameters
-    ----------
-    tree, where : Tree, Placements
-        The tree.
-    moving : Motion
-        Its motion.
-    loads : mapping of int to (Vector, Vector)
-        By part, the force that acts on it and the moment about its origin, in its axes.
-
-    Returns
-    -------
-    list of Number
-    """
+    """Return the generalised forces (nv,) that bodies need, less what external wrenches give; no armature."""
     count = len(tree.parts)
     pushed, turning = [ZERO] * count, [ZERO] * count
     found: list[Number] = [0.0] * tree.nv
@@ -161,18 +117,7 @@ def forces(
 
 
 def mass_matrix(tree: Tree, where: Placements) -> list[dict[int, Number]]:
-    """Return the mass matrix with the armature, as the entries of each row that can be there.
-
-    Parameters
-    ----------
-    tree, where : Tree, Placements
-        The tree.
-
-    Returns
-    -------
-    list of dict of int to Number
-        Both halves.
-    """
+    """Return the mass matrix with the armature, as the entries of each row that can be there; both halves."""
     mass = [part.mass for part in tree.parts]
     first = [part.first for part in tree.parts]
     second = [part.second for part in tree.parts]

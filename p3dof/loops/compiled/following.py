@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import ctypes
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -11,15 +12,97 @@ from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import InputError, ModelError
+from p3dof._base.threads import in_threads, shares
+from p3dof.loops.closed_tree import External
 from p3dof.loops.compiled import build
 from p3dof.loops.compiled.compiled_functions import CompiledFunctions
+from p3dof.loops.compiled.function import SHARE, Function, pointers, sizes
 from p3dof.loops.compiled.printing import sweep_source
 from p3dof.loops.compiled.results import CompiledDynamics, with_general
-from p3dof.loops.compiled.sweep import Sweep
-from p3dof.loops.loop_model import External
 
-_JUMP = 0.5
-"""What part of a step between two samples may be unforeseen."""
+
+class _Way(ctypes.Structure):
+    _fields_ = (
+        ("count", ctypes.c_ssize_t),
+        ("part", ctypes.c_ssize_t),
+        ("steps", ctypes.c_int),
+        ("time", ctypes.c_void_p),
+        ("start", ctypes.c_void_p),
+        ("target", ctypes.c_void_p),
+        ("velocity", ctypes.c_void_p),
+        ("acceleration", ctypes.c_void_p),
+        ("load", ctypes.c_void_p),
+        ("strides", ctypes.c_void_p),
+        ("q", ctypes.c_void_p),
+        ("v", ctypes.c_void_p),
+        ("a", ctypes.c_void_p),
+        ("out", ctypes.c_void_p),
+    )
+
+
+class LaneSweep:
+    """What follows a motion: every lane a part of it."""
+
+    def __init__(self, motion: Function, library: ctypes.CDLL) -> None:
+        self._motion, self._sweep = motion, library.sweep
+        self._sweep.argtypes, self._sweep.restype = [ctypes.c_void_p], None
+        library.width.restype = ctypes.c_int
+        self.width: int = library.width()  # lanes
+
+    def parts(self, count: int, threads: int) -> list[tuple[int, int, list[int]]]:
+        """Return how samples are shared: first, behind the last, and where lanes start, for every thread."""
+        found = []
+        for start, stop in shares(count, threads, SHARE):
+            part = -(-(stop - start) // self.width)
+            found.append((start, stop, [min(start + k * part, stop - 1) for k in range(self.width)]))
+        return found
+
+    def __call__(
+        self,
+        time: FloatArray,
+        motion: Sequence[FloatArray],
+        load: Mapping[str, FloatArray],
+        starts: Mapping[int, FloatArray],
+        steps: int,
+        threads: int,
+    ) -> dict[str, FloatArray]:
+        """Return the motion of the tree, and what belongs to it; dict of str to (N, size) array."""
+        count, outputs = len(time), dict(self._motion.outputs)
+        nq = len(next(iter(starts.values())))
+        found: dict[str, FloatArray] = {}
+        for name, size in {"q": nq, **outputs}.items():
+            found[name] = np.empty((count, size))
+        groups = [np.ascontiguousarray(array) for array in load.values()]
+        strides = [array.shape[1] if array.ndim == 2 else 0 for array in groups]
+        arrays = [np.ascontiguousarray(array) for array in (time, *motion)]
+
+        def run(part: tuple[int, int, list[int]]) -> None:
+            first, stop, lanes = part
+            start = np.ascontiguousarray([starts[i] for i in lanes])
+            at = [array.ctypes.data + array.strides[0] * first for array in arrays]
+            loads = pointers([g.ctypes.data + 8 * s * first for g, s in zip(groups, strides, strict=True)])
+            steps_of = sizes(strides)
+            places = {name: array.ctypes.data + array.strides[0] * first for name, array in found.items()}
+            rest = pointers([places[name] for name in outputs if name not in ("v", "a")])
+            way = _Way(
+                stop - first,
+                -(-(stop - first) // self.width),
+                steps,
+                at[0],
+                start.ctypes.data,
+                *at[1:],
+                ctypes.addressof(loads),
+                ctypes.addressof(steps_of),
+                *(places[name] for name in ("q", "v", "a")),
+                ctypes.addressof(rest),
+            )
+            self._sweep(ctypes.addressof(way))
+
+        in_threads(run, self.parts(count, threads))
+        return found
+
+
+_JUMP = 0.5  # what part of a step between two samples may be unforeseen
 _STRIDE, _MOST = 0.2, 200
 """Longest way of a joint between two assemblies, towards where a lane starts [m or rad]; how many."""
 _SWEEP = ("integrate", "step", "motion")
@@ -28,7 +111,7 @@ _SWEEP = ("integrate", "step", "motion")
 class FollowingLoop(CompiledFunctions):
     """A compiled robot that follows motions of its actuated joints."""
 
-    _sweep: Sweep | None = None
+    _sweep: LaneSweep | None = None
 
     def complete(
         self,
@@ -42,7 +125,7 @@ class FollowingLoop(CompiledFunctions):
         guess: ArrayLike | None = None,
         steps: int = 2,
     ) -> CompiledDynamics:
-        """Return the motion of the whole tree along a motion of the actuated joints, and its forces.
+        """Return ``q``, ``v``, ``a``, ``tau`` and ``lambda_`` along a motion of the actuated joints.
 
         Every sample starts where velocity and acceleration of the one before lead, and takes a fixed number
         of steps of Newton's method.
@@ -60,11 +143,6 @@ class FollowingLoop(CompiledFunctions):
         steps : int
             Of Newton's method.
 
-        Returns
-        -------
-        CompiledDynamics
-            With ``q``, ``v``, ``a``, ``tau`` and ``lambda_``.
-
         Raises
         ------
         ModelError
@@ -80,11 +158,7 @@ class FollowingLoop(CompiledFunctions):
         count = len(self._robot.motors)
         motion = [
             frozen_array(name, value, (len(time), count))
-            for name, value in (
-                ("target", target),
-                ("velocity", velocity),
-                ("acceleration", acceleration),
-            )
+            for name, value in (("target", target), ("velocity", velocity), ("acceleration", acceleration))
         ]
         if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= 100:
             raise InputError(f"steps: expected a whole number from 1 to 100, got {shown(steps)}")
@@ -106,7 +180,7 @@ class FollowingLoop(CompiledFunctions):
 
         return with_general(found, alone, ("q", "v", "a", "tau", "lambda_"), single=False)
 
-    def _sweeper(self) -> Sweep:
+    def _sweeper(self) -> LaneSweep:
         if not self.determined:
             raise ModelError(
                 "the actuated joints do not determine the motion: complete_batch or hybrid_dynamics do it"
@@ -117,14 +191,11 @@ class FollowingLoop(CompiledFunctions):
             if self._sweep is None:
                 functions = [self.function(name) for name in _SWEEP]
                 (library,) = build.libraries([sweep_source(self._robot, functions)], self.level)
-                self._sweep = Sweep(functions[-1], library)
+                self._sweep = LaneSweep(functions[-1], library)
             return self._sweep
 
     def _doubt_jumps(
-        self,
-        found: Mapping[str, FloatArray],
-        time: FloatArray,
-        starts: Mapping[int, FloatArray],
+        self, found: Mapping[str, FloatArray], time: FloatArray, starts: Mapping[int, FloatArray]
     ) -> None:
         """Doubt the samples of lanes that do not go on where the lane before ends: on another assembly."""
         model, edges = self._loop.model, [*sorted(starts), len(time)]
@@ -140,7 +211,7 @@ class FollowingLoop(CompiledFunctions):
             if not off <= _JUMP * (self._robot.length * 1e-3 + change + dt * np.abs(rate).max()):
                 found["trusted"][first:stop] = -1.0
 
-    def _starts(self, sweep: Sweep, target: FloatArray, guess: ArrayLike | None) -> dict[int, FloatArray]:
+    def _starts(self, sweep: LaneSweep, target: FloatArray, guess: ArrayLike | None) -> dict[int, FloatArray]:
         """Return closed configurations where lanes start, each from the one before."""
         wanted = sorted({i for *_, lanes in sweep.parts(len(target), self._threads) for i in lanes})
         found: dict[int, FloatArray] = {}

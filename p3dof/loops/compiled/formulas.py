@@ -11,78 +11,56 @@ A. Müller, Dynamics of parallel manipulators with hybrid complex limbs, Mechani
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from p3dof._base.tracing import Number, Tape
+from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.compiled.couplings import CoupledJoints
-from p3dof.loops.compiled.dynamics import Motion, forces, motion, velocities
-from p3dof.loops.compiled.loops import Loops
-from p3dof.loops.compiled.passive import PassiveJoints
+from p3dof.loops.compiled.dynamics import BodyRates, forces, motion, velocities
+from p3dof.loops.compiled.loops import CoupledJoints, Loops, PassiveJoints
 from p3dof.loops.compiled.pivots import Factors, Plan
-from p3dof.loops.compiled.tree import Placements, Tree, placements, with_parameters
-from p3dof.loops.compiled.vectors import ZERO, Vector, back, cross, plus, product
+from p3dof.loops.compiled.tree import (
+    ZERO,
+    Placements,
+    Tree,
+    Vector,
+    back,
+    cross,
+    dot,
+    placements,
+    plus,
+    product,
+    with_parameters,
+)
+from p3dof.loops.coordinates import NORMALISED, SURELY
 
 
 @dataclass(frozen=True)
 class Load:
-    """A frame on which an external wrench can act.
+    """A frame on which an external wrench can act."""
 
-    Parameters
-    ----------
-    name : str
-        Of the frame.
-    part : int
-        The part on whose body it is.
-    place : Vector
-        Its origin in the axes of the body.
-    """
-
-    name: str
-    part: int
-    place: Vector
+    name: str  # of the frame
+    part: int  # the part on whose body it is
+    place: Vector  # its origin in the axes of the body
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """All that formulas need of a robot.
+    """All that formulas need of a robot."""
 
-    Parameters
-    ----------
-    tree : Tree
-        The parts.
-    kinematics : LoopKinematics
-        Closures.
-    coupled : CoupledJoints
-        Couplings.
-    passive : PassiveJoints
-        Springs, damping, friction.
-    motors : tuple of int
-        Places in v of the actuated joints.
-    plan : Plan, optional
-        Not there while it is being made.
-    loads : tuple of Load
-        Frames of external wrenches.
-    joint_forces : bool
-        Whether forces in all joints are an input.
-    inertias : mapping of str to int
-        Joints whose bodies have their inertial parameters as an input, and their parts.
-    length : float
-        The model's own unit of length where it is smaller than a metre, else one: what counts as closed.
-    """
-
-    tree: Tree
-    kinematics: LoopKinematics
-    coupled: CoupledJoints
-    passive: PassiveJoints
-    motors: tuple[int, ...]
-    plan: Plan
-    loads: tuple[Load, ...] = ()
-    joint_forces: bool = False
+    tree: Tree  # the parts
+    kinematics: LoopKinematics  # closures
+    coupled: CoupledJoints  # couplings
+    passive: PassiveJoints  # springs, damping, friction
+    motors: tuple[int, ...]  # places in v of the actuated joints
+    plan: Plan  # not there while it is being made
+    loads: tuple[Load, ...] = ()  # frames of external wrenches
+    joint_forces: bool = False  # whether forces in all joints are an input
     inertias: Mapping[str, int] = field(default_factory=dict)
+    """Joints whose bodies have their inertial parameters as an input, and their parts."""
     length: float = 1.0
+    """The model's own unit of length where it is smaller than a metre, else one: what counts as closed."""
 
     @property
     def inputs(self) -> dict[str, int]:
@@ -184,12 +162,12 @@ class Moving:
         self._joint_forces = load.get("joint_forces", ())
         self._passive = robot.passive.forces(tape, at.q, v)
 
-    def motion(self, a: Sequence[Number]) -> Motion:
+    def motion(self, a: Sequence[Number]) -> BodyRates:
         """Return accelerations of bodies with gravity."""
         tree = self.at.robot.tree
         return motion(tree, self.at.where, self.v, a, self.omega, tree.gravity)
 
-    def needed(self, a: Sequence[Number], moving: Motion | None = None) -> list[Number]:
+    def needed(self, a: Sequence[Number], moving: BodyRates | None = None) -> list[Number]:
         """Return the generalised forces that motors and closures have to give."""
         tree = self.at.robot.tree
         found = forces(tree, self.at.where, moving or self.motion(a), self._wrenches)
@@ -199,7 +177,9 @@ class Moving:
             found = [f - p for f, p in zip(found, self._joint_forces, strict=True)]
         return found
 
-    def opening(self, a: Sequence[Number], moving: Motion | None = None, moved: bool = False) -> list[Number]:
+    def opening(
+        self, a: Sequence[Number], moving: BodyRates | None = None, moved: bool = False
+    ) -> list[Number]:
         """Return the accelerations at closures and couplings, if asked for of those that open slowly."""
         at, tree = self.at, self.at.robot.tree
         if moving is None:
@@ -225,3 +205,155 @@ def _wrenches(
             force, moment = plus(force, other[0]), plus(moment, other[1])
         found[frame.part] = force, moment
     return found
+
+
+_UNITS = {"unbounded": 2, "planar": 2, "ball": 4, "free": 4}
+"""How many numbers at the end of a joint's q have length one."""
+
+
+def seeds_of(at: At, free: Mapping[int, Number]) -> dict[int, Number]:
+    """Return how q changes along a direction of the independent coordinates, by place on the tape."""
+    rates = at.completed(free, [0.0] * len(at.rows))
+    found: dict[int, Number] = {}
+    for part in at.robot.tree.parts[1:]:
+        q, x = [at.q[i] for i in part.q], [rates[i] for i in part.v]
+        for symbol, rate in zip(q, _RATES[part.kind](q, x), strict=True):
+            assert isinstance(symbol, Symbol)  # noqa: S101 - q are inputs
+            found[symbol.index] = rate
+    return found
+
+
+def moved(at: At, shift: Mapping[int, Number]) -> list[Number]:
+    """Return q moved along the tangent space, to second order, with unit circles and quaternions."""
+    found = list(at.q)
+    for part in at.robot.tree.parts[1:]:
+        if not any(place in shift for place in part.v):
+            continue
+        q, x = [at.q[i] for i in part.q], [shift.get(i, 0.0) for i in part.v]
+        new = [value + rate for value, rate in zip(q, _RATES[part.kind](q, x), strict=True)]
+        for place, value in zip(part.q, _normalised(at.tape, part.kind, new), strict=True):
+            found[place] = value
+    return found
+
+
+def rates_of(at: At, v: Sequence[Number]) -> list[Number]:
+    """Return how q changes with a velocity."""
+    found: list[Number] = [0.0] * len(at.q)
+    for part in at.robot.tree.parts[1:]:
+        rates = _RATES[part.kind]([at.q[i] for i in part.q], [v[i] for i in part.v])
+        for place, rate in zip(part.q, rates, strict=True):
+            found[place] = rate
+    return found
+
+
+def with_units(tree: Tree, tape: Tape, q: Sequence[Number]) -> list[Number]:
+    """Return q with circles and quaternions of length one."""
+    found = list(q)
+    for part in tree.parts[1:]:
+        values = _normalised(tape, part.kind, [q[i] for i in part.q])
+        for place, value in zip(part.q, values, strict=True):
+            found[place] = value
+    return found
+
+
+def units(at: At) -> list[list[Number]]:
+    """Return the circles and quaternions in q."""
+    parts = at.robot.tree.parts[1:]
+    return [[at.q[i] for i in part.q[-_UNITS[part.kind] :]] for part in parts if part.kind in _UNITS]
+
+
+def _normalised(tape: Tape, kind: str, q: list[Number]) -> list[Number]:
+    size = _UNITS.get(kind, 0)
+    if not size:
+        return q
+    kept, unit = q[:-size], q[-size:]
+    inverse = tape.divide(1.0, tape.sqrt(dot(unit, unit)))
+    return [*kept, *(x * inverse for x in unit)]
+
+
+def _ball_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    """Return the rate of a quaternion by an angular velocity in the body's axes."""
+    qx, qy, qz, qw = q
+    a, b, c = (value * 0.5 for value in x)
+    return [
+        qw * a + qy * c - qz * b,
+        qw * b + qz * a - qx * c,
+        qw * c + qx * b - qy * a,
+        -(qx * a + qy * b + qz * c),
+    ]
+
+
+def _free_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    qx, qy, qz, qw = q[3:]
+    vx, vy, vz = x[:3]
+    # R v = v + 2 w (u x v) + 2 u x (u x v)
+    tx, ty, tz = (qy * vz - qz * vy) * 2.0, (qz * vx - qx * vz) * 2.0, (qx * vy - qy * vx) * 2.0
+    return [
+        vx + qw * tx + qy * tz - qz * ty,
+        vy + qw * ty + qz * tx - qx * tz,
+        vz + qw * tz + qx * ty - qy * tx,
+        *_ball_rate(q[3:], x[3:]),
+    ]
+
+
+def _planar_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    c, s = q[2:]
+    return [c * x[0] - s * x[1], s * x[0] + c * x[1], -(s * x[2]), c * x[2]]
+
+
+_RATES: dict[str, Callable[[Sequence[Number], Sequence[Number]], list[Number]]] = {
+    "revolute": lambda _q, x: [x[0]],
+    "helical": lambda _q, x: [x[0]],
+    "prismatic": lambda _q, x: [x[0]],
+    "unbounded": lambda q, x: [-(q[1] * x[0]), q[0] * x[0]],
+    "translation": lambda _q, x: list(x),
+    "planar": _planar_rate,
+    "ball": _ball_rate,
+    "free": _free_rate,
+}
+"""Rates of q by those of v."""
+
+
+EVIDENCE = ("margin", "gap", "trusted")  # outputs that say how good a result is, the last ones of a function
+MARGIN = 1e-3  # smallest pivot, compared with those that the partition was made on, that is trusted
+MARGIN_OF_STATES = 2e-2
+"""The same where accelerations are found: NᵀM N squares what is large near a singular partition."""
+LIGHTEST = 1e-10  # smallest inertia of a free motion, of what moves in it, that is more than rounding
+
+
+def stays_closed(
+    tape: Tape, opening: Sequence[Number], relative: float, v: Sequence[Number], a: Sequence[Number] = ()
+) -> Number:
+    """Return what is positive where closures open by less than a part of the motion, in the mean square."""
+    if not opening:
+        return 1.0
+    speed = dot(v, v) * (1.0 / len(v))
+    size = larger(tape, dot(a, a) * (1.0 / len(a)), speed * speed) if a else speed
+    return tape.subtract(relative * relative * larger(tape, size, 1.0), dot(opening, opening))
+
+
+def nothing_missing(tape: Tape, missing: Sequence[Number], forces: Sequence[Number]) -> Number:
+    """Return what is positive where no force is missing that no actuator gives."""
+    if not missing:
+        return 1.0
+    allowed = dot(forces, forces) * (SURELY * SURELY)
+    return tape.add(tape.subtract(allowed, dot(missing, missing)), 1e-300)
+
+
+def normalised(at: At) -> list[Number]:
+    """Return what is positive where circles and quaternions in q are normalised: no doubt is left."""
+    squares = [dot(unit, unit) - 1.0 for unit in units(at)]
+    return [at.tape.subtract((2.0 * NORMALISED * (1.0 - NORMALISED)) ** 2, off * off) for off in squares]
+
+
+def larger(tape: Tape, a: Number, b: Number) -> Number:
+    """Return the larger one of two numbers."""
+    return -tape.minimum(-a, -b)
+
+
+def applied(row: Mapping[int, Number], v: Sequence[Number]) -> Number:
+    """Return a row of the Jacobian times a velocity."""
+    total: Number = 0.0
+    for place, factor in row.items():
+        total = total + factor * v[place]
+    return total

@@ -2,36 +2,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from p3dof._base.errors import ModelError
 from p3dof._base.tracing import Number, Symbol
-from p3dof._base.tracing.derivatives import tangent
-from p3dof.loops.closed_tree import CLOSED, CONSISTENT
-from p3dof.loops.compiled.formulas import At, Moving, Robot
-from p3dof.loops.compiled.function import Builder, Function
-from p3dof.loops.compiled.limits import MARGIN_OF_STATES, applied, nothing_missing, stays_closed
-from p3dof.loops.compiled.pivots import solve_symmetric
-from p3dof.loops.compiled.rates import moved, seeds_of
-from p3dof.loops.compiled.run_functions import flow, model_forces, stabilised_flow
-from p3dof.loops.compiled.solutions import (
-    Borne,
-    accelerated,
-    actuator_forces,
-    completed_motion,
-    drift_of,
-    evidence_of_state,
-    give_residuals,
-    heavy,
-    independent_accelerations,
-    largest_of,
-    projected_mass,
+from p3dof._base.tracing.tape import tangent
+from p3dof.loops.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED
+from p3dof.loops.compiled import solutions
+from p3dof.loops.compiled.formulas import (
+    MARGIN_OF_STATES,
+    At,
+    Moving,
+    Robot,
+    applied,
+    moved,
+    nothing_missing,
+    rates_of,
+    seeds_of,
+    stays_closed,
+    with_units,
 )
+from p3dof.loops.compiled.function import Builder, Function
+from p3dof.loops.compiled.pivots import solve_symmetric
 
-_FOLLOWED = 1e-4
-"""What is left of the largest gap where Newton's steps along a motion ended well."""
+
+def flow(robot: Robot) -> Function:
+    """Return the rates of a state (q, independent v) under forces of the motors, with all that belongs to it.
+
+    The configuration may be a little open, its quaternions and circles a little long: the ``q`` that is
+    returned is one step of Newton's method nearer. All speeds follow from the independent ones, so that rates
+    are those of a motion that keeps the loops closed.
+    """
+    build = Builder()
+    tree, free = robot.tree, robot.independent
+    q, v = build.take("q", tree.nq), build.take("v_independent", len(free))
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    at, all_v = _state(build, robot, q, v)
+    shift = at.factors.solve({row: -at.errors[row] for row in robot.plan.rows})
+    moving = Moving(at, all_v, load)
+    mass, drift = solutions.projected_mass(at, free, free), solutions.drift_of(at, moving)
+    found = solutions.independent_accelerations(at, moving, tau, mass, drift)
+    build.give("q", moved(at, shift))
+    build.give("rate", rates_of(at, all_v))
+    build.give("a_independent", [found[i] for i in free])
+    build.give("v", all_v)
+    build.give("a", at.completed(found, drift))
+    build.evidence(at, NEARLY_CLOSED, solutions.heavy(at, free, mass), MARGIN_OF_STATES)
+    return build.function("flow")
+
+
+def stabilised_flow(robot: Robot) -> Function:
+    """Return the rates of a state (q, v) under forces of the motors, with Baumgarte's stabilisation.
+
+    They are those that `p3dof.runs.plants.ConstrainedPlant` integrates: circles and quaternions are of
+    length one before anything else.
+    """
+    build = Builder()
+    tree, free = robot.tree, robot.independent
+    q, v = build.take("q", tree.nq), build.take("v", tree.nv)
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    beta = build.take("stabilisation", 1)[0]
+    at = At(robot, build.tape, with_units(tree, build.tape, q))
+    moving = Moving(at, v, load)
+    mass, drift = solutions.projected_mass(at, free, free), solutions.drift_of(at, moving, beta)
+    found = solutions.independent_accelerations(at, moving, tau, mass, drift)
+    build.give("q", at.q)
+    build.give("rate", rates_of(at, v))
+    build.give("a", at.completed(found, drift))
+    solutions.evidence_of_state(build, at, v, solutions.heavy(at, free, mass))
+    return build.function("stabilised_flow")
+
+
+def model_forces(robot: Robot) -> Function:
+    """Return the motors' forces for their accelerations at a state (q, independent v)."""
+    if not set(robot.motors) <= set(robot.independent):
+        raise ModelError("model forces: more actuators than freedoms; their accelerations are not free")
+    build = Builder()
+    q, v = build.take("q", robot.tree.nq), build.take("v_independent", len(robot.independent))
+    wanted = dict(zip(robot.motors, build.take("a_actuated", len(robot.motors)), strict=True))
+    robot, load = build.loaded(robot)
+    at, all_v = _state(build, robot, q, v)
+    moving = Moving(at, all_v, load)
+    a, limits = solutions.accelerated(at, moving, wanted)
+    build.give("tau", solutions.actuator_forces(at, moving.needed(a)).tau)
+    build.evidence(at, NEARLY_CLOSED, limits, MARGIN_OF_STATES)
+    return build.function("model_forces")
+
+
+def _state(build: Builder, robot: Robot, q: Sequence[Number], v: Sequence[Number]) -> tuple[At, list[Number]]:
+    """Return a robot at a configuration with units of length one, and all its speeds."""
+    at = At(robot, build.tape, with_units(robot.tree, build.tape, q))
+    return at, at.completed(dict(zip(robot.independent, v, strict=True)), [0.0] * len(at.rows))
+
+
+_FOLLOWED = 1e-4  # what is left of the largest gap where Newton's steps along a motion ended well
 
 
 def jacobian_rows(robot: Robot) -> Function:
@@ -44,10 +112,7 @@ def jacobian_rows(robot: Robot) -> Function:
 
 
 def inverse_dynamics(robot: Robot, checked: bool = False) -> Function:
-    """Return forces and multipliers of a motion (q, v, a), and whether it keeps the loops closed.
-
-    Checked is how far all of it is from the equation of motion, instead of the multipliers.
-    """
+    """Return forces and multipliers of a motion (q, v, a), and if the equation of motion holds."""
     build = Builder()
     tree = robot.tree
     q, v, a = (build.take(name, size) for name, size in (("q", tree.nq), ("v", tree.nv), ("a", tree.nv)))
@@ -56,11 +121,11 @@ def inverse_dynamics(robot: Robot, checked: bool = False) -> Function:
     moving = Moving(at, v, load)
     bodies = moving.motion(a)
     needed = moving.needed(a, bodies)
-    borne = actuator_forces(at, needed)
+    borne = solutions.actuator_forces(at, needed)
     multipliers = borne.multipliers(at)
     build.give("tau", borne.tau)
     if checked:
-        give_residuals(build, at, needed, borne)
+        solutions.give_residuals(build, at, needed, borne)
     else:
         build.give("lambda_", multipliers)
     speeds = [applied(row, v) for row in at.rows]
@@ -69,7 +134,7 @@ def inverse_dynamics(robot: Robot, checked: bool = False) -> Function:
         stays_closed(build.tape, moving.opening(a, bodies), CONSISTENT * robot.length, v, a),
         nothing_missing(build.tape, borne.missing, (*borne.tau, *multipliers)),
     ]
-    build.evidence(at, CLOSED, limits)
+    build.evidence(at, CLOSED, [*limits, *build.size_limits(checked)])
     return build.function("checked_inverse_dynamics" if checked else "inverse_dynamics")
 
 
@@ -83,8 +148,8 @@ def motion(robot: Robot) -> Function:
     )
     robot, load = build.loaded(robot)
     at = At(robot, tape, q)
-    moving, all_v, all_a = completed_motion(at, v, a, load)
-    borne = actuator_forces(at, moving.needed(all_a))
+    moving, all_v, all_a = solutions.completed_motion(at, v, a, load)
+    borne = solutions.actuator_forces(at, moving.needed(all_a))
     multipliers = borne.multipliers(at)
     build.give("v", all_v)
     build.give("a", all_a)
@@ -108,7 +173,7 @@ def completion(robot: Robot) -> Function:
         for name, size in (("q", tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
     )
     at = At(replace(robot, loads=(), joint_forces=False), build.tape, q)
-    _, all_v, all_a = completed_motion(at, v, a, {})
+    _, all_v, all_a = solutions.completed_motion(at, v, a, {})
     build.give("v", all_v)
     build.give("a", all_a)
     by = [{place: 1.0, **at.null_space[place]} for place in free]
@@ -133,8 +198,8 @@ def tangent_of_forces(robot: Robot) -> Function:
     robot, load = build.loaded(robot)
     dq, dv, da = (build.take(name, n) for name in ("dq", "dv", "da"))
     at = At(robot, tape, q)
-    moving, _, all_a = completed_motion(at, v, a, load)
-    tau = actuator_forces(at, moving.needed(all_a)).tau
+    moving, _, all_a = solutions.completed_motion(at, v, a, load)
+    tau = solutions.actuator_forces(at, moving.needed(all_a)).tau
     seeds = seeds_of(at, dict(zip(free, dq, strict=True)))
     seeds |= {symbol.index: seed for symbol, seed in zip((*v, *a), (*dv, *da), strict=True)}
     build.give("tau", tau)
@@ -153,9 +218,9 @@ def forward_dynamics(robot: Robot, stabilised: bool = False, checked: bool = Fal
     beta = build.take("stabilisation", 1)[0] if stabilised else None
     at = At(robot, build.tape, q)
     moving = Moving(at, v, load)
-    drift = drift_of(at, moving, beta)
-    mass = projected_mass(at, free, free)
-    found = independent_accelerations(at, moving, tau, mass, drift)
+    drift = solutions.drift_of(at, moving, beta)
+    mass = solutions.projected_mass(at, free, free)
+    found = solutions.independent_accelerations(at, moving, tau, mass, drift)
     a = at.completed(found, drift)
     build.give("a", a)
     if checked:
@@ -163,10 +228,10 @@ def forward_dynamics(robot: Robot, stabilised: bool = False, checked: bool = Fal
         for motor, value in zip(robot.motors, tau, strict=True):
             needed[motor] = needed[motor] - value
         rest, rows = at.projected(needed)
-        give_residuals(build, at, needed, Borne([0.0] * len(tau), rows, [*rest.values()]))
+        solutions.give_residuals(build, at, needed, solutions.Borne([0.0] * len(tau), rows, [*rest.values()]))
         opening = [applied(row, a) + bias for row, bias in zip(at.rows, drift, strict=True)]
-        build.give("closure_residual", [largest_of(at, opening)])
-    evidence_of_state(build, at, v, heavy(at, free, mass))
+        build.give("closure_residual", [solutions.largest_of(at, opening)])
+    solutions.evidence_of_state(build, at, v, [*solutions.heavy(at, free, mass), *build.size_limits(checked)])
     return build.function(_named("forward_dynamics", stabilised, checked))
 
 
@@ -182,9 +247,9 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     at = At(robot, tape, q)
     all_v = at.completed(dict(zip(free, v, strict=True)), [0.0] * len(at.rows))
     moving = Moving(at, all_v, load)
-    mass = projected_mass(at, free, free)
-    drift = drift_of(at, moving)
-    found = independent_accelerations(at, moving, tau, mass, drift)
+    mass = solutions.projected_mass(at, free, free)
+    drift = solutions.drift_of(at, moving)
+    found = solutions.independent_accelerations(at, moving, tau, mass, drift)
     # What is out of balance when q and v change and the accelerations stay is what they have to make up for.
     a = at.completed(found, drift)
     left = [-x for x in moving.needed(a)]
@@ -199,7 +264,7 @@ def tangent_of_accelerations(robot: Robot) -> Function:
     moved = {x.index: dx for x, dx in zip(found.values(), made, strict=True) if isinstance(x, Symbol)}
     build.give("a", a)
     build.give("da", tangent(a, {**seeds, **moved}))
-    build.evidence(at, CLOSED, heavy(at, free, mass), MARGIN_OF_STATES)
+    build.evidence(at, CLOSED, solutions.heavy(at, free, mass), MARGIN_OF_STATES)
     return build.function("tangent_of_accelerations")
 
 
@@ -215,16 +280,16 @@ def hybrid_dynamics(robot: Robot, stabilised: bool = False, checked: bool = Fals
     beta = build.take("stabilisation", 1)[0] if stabilised else None
     at = At(robot, tape, q)
     moving = Moving(at, v, load)
-    a, limits = accelerated(at, moving, given, beta)
+    a, limits = solutions.accelerated(at, moving, given, beta)
     needed = moving.needed(a)
-    borne = actuator_forces(at, needed)
+    borne = solutions.actuator_forces(at, needed)
     build.give("tau", borne.tau)
     build.give("a", a)
     if checked:
-        give_residuals(build, at, needed, borne)
+        solutions.give_residuals(build, at, needed, borne)
     else:
         build.give("lambda_", borne.multipliers(at))
-    evidence_of_state(build, at, v, limits)
+    solutions.evidence_of_state(build, at, v, [*limits, *build.size_limits(checked)])
     return build.function(_named("hybrid_dynamics", stabilised, checked))
 
 

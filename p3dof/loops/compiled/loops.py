@@ -6,19 +6,22 @@ loops are closed; their errors agree to first order. The point whose velocity co
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import pinocchio as pin
 
-from p3dof._base.tracing import Number
+from p3dof._base.tracing import Number, Tape
 from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.compiled.dynamics import Motion
-from p3dof.loops.compiled.tree import Placements, Tree
-from p3dof.loops.compiled.vectors import (
+from p3dof.loops.compiled.dynamics import BodyRates
+from p3dof.loops.compiled.tree import (
     IDENTITY,
     ZERO,
     Matrix,
+    Placements,
+    Tree,
     Vector,
     axial,
     back,
@@ -27,16 +30,17 @@ from p3dof.loops.compiled.vectors import (
     matrix_of,
     minus,
     numbers,
+    of_quaternion,
     plus,
     product,
     times,
     transposed,
     turned,
 )
-from p3dof.loops.constraints import Closure
+from p3dof.loops.coordinates import SMOOTHING, TurningSpring, joint_named, single_joint
+from p3dof.loops.sidecar import Closure, Coupling, JointData
 
-Row = dict[int, "Number"]
-"""Entries of a row of the Jacobian, by their place in v."""
+Row = dict[int, "Number"]  # entries of a row of the Jacobian, by their place in v
 
 
 @dataclass(frozen=True)
@@ -61,17 +65,7 @@ class _Relative:
 
 
 class Loops:
-    """The closures and couplings of a robot as formulas on one tape.
-
-    Parameters
-    ----------
-    tree : Tree
-        The parts.
-    kinematics : LoopKinematics
-        The closures and couplings.
-    where : Placements
-        The tree's placements.
-    """
+    """The closures and couplings of a robot as formulas on one tape."""
 
     def __init__(self, tree: Tree, kinematics: LoopKinematics, where: Placements) -> None:
         self._tree, self._where = tree, where
@@ -110,7 +104,7 @@ class Loops:
             found += _ERRORS[ends.closure.kind](ends, relative, d)
         return found
 
-    def accelerations(self, v: Sequence[Number], moving: Motion, opening: bool = False) -> list[Number]:
+    def accelerations(self, v: Sequence[Number], moving: BodyRates, opening: bool = False) -> list[Number]:
         """Return the second derivatives of the errors of closed loops that stay closed, or open slowly."""
         found: list[Number] = []
         for ends, relative in zip(self._closures, self._relative, strict=True):
@@ -264,3 +258,142 @@ def _rod_bias(ends: _Ends, _relative: _Relative, d_dot: Vector, _omega: Vector) 
 _BIASES = {"universal": _square_bias, "distance": _rod_bias}
 _POINTS = ("3d", "6d", "hinge", "universal")
 """Kinds whose frames have one origin: that of frame 2 does not move in the axes of body 1."""
+
+
+class CoupledJoints:
+    """The couplings of a robot on one tape."""
+
+    def __init__(self, model: pin.Model, couplings: Sequence[Coupling], periods: Sequence[float]) -> None:
+        self._model, self._couplings, self._periods = model, couplings, periods
+
+    def rows(self, tape: Tape, q: Sequence[Number]) -> list[dict[int, Number]]:
+        """Return the rows of the Jacobian, by place in v."""
+        found = []
+        for coupling in self._couplings:
+            row: dict[int, Number] = {self._v(coupling.joint): 1.0}
+            if coupling.on is not None:
+                slope = _polynomial(_derived(coupling.coefficients), self._power_base(tape, q, coupling))
+                if not (isinstance(slope, float) and slope == 0.0):
+                    row[self._v(coupling.on)] = -slope
+            for name, factor in coupling.others:
+                row[self._v(name)] = -factor
+            found.append(row)
+        return found
+
+    def errors(self, tape: Tape, q: Sequence[Number]) -> list[Number]:
+        """Return how far the couplings are off, to the nearest that continuous joints allow."""
+        found = []
+        for coupling, period in zip(self._couplings, self._periods, strict=True):
+            error = self._value(tape, q, coupling.joint)
+            on = 0.0 if coupling.on is None else self._value(tape, q, coupling.on)
+            error = error - _polynomial(coupling.coefficients, on)
+            for name, factor in coupling.others:
+                error = error - factor * self._value(tape, q, name)
+            if period:
+                error = error - period * tape.floor(error * (1.0 / period) + 0.5)
+            found.append(error)
+        return found
+
+    def accelerations(
+        self, tape: Tape, q: Sequence[Number], v: Sequence[Number], a: Sequence[Number]
+    ) -> list[Number]:
+        """Return the second derivatives of the errors."""
+        found = []
+        for coupling, row in zip(self._couplings, self.rows(tape, q), strict=True):
+            value: Number = 0.0
+            for place, factor in row.items():
+                value = value + factor * a[place]
+            if coupling.on is not None and len(coupling.coefficients) > 2:
+                bent = _polynomial(
+                    _derived(_derived(coupling.coefficients)), self._power_base(tape, q, coupling)
+                )
+                speed = v[self._v(coupling.on)]
+                value = value - bent * (speed * speed)
+            found.append(value)
+        return found
+
+    def _power_base(self, tape: Tape, q: Sequence[Number], coupling: Coupling) -> Number:
+        """Return the value that enters a polynomial; not asked for where it is linear."""
+        assert coupling.on is not None  # noqa: S101 - by the callers
+        return self._value(tape, q, coupling.on) if len(coupling.coefficients) > 2 else 0.0
+
+    def _value(self, tape: Tape, q: Sequence[Number], name: str) -> Number:
+        joint = single_joint(self._model, name, "coupling")
+        at = self._model.idx_qs[joint]
+        return tape.atan2(q[at + 1], q[at]) if self._model.nqs[joint] == 2 else q[at]
+
+    def _v(self, name: str) -> int:
+        return int(self._model.idx_vs[single_joint(self._model, name, "coupling")])
+
+
+def _polynomial(coefficients: Sequence[float], x: Number) -> Number:
+    total: Number = 0.0
+    for coefficient in reversed(coefficients):
+        total = total * x + float(coefficient)
+    return total
+
+
+def _derived(coefficients: Sequence[float]) -> list[float]:
+    return [k * c for k, c in enumerate(coefficients)][1:] or [0.0]
+
+
+_TINY = 1e-200  # square of a length that is none
+
+
+class PassiveJoints:
+    """What acts in joints by itself."""
+
+    def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
+        self._nv = int(model.nv)
+        self._entries = []
+        self._turning = []
+        for entry in entries:
+            joint = joint_named(model, entry.joint, "joint data")
+            q, v, sizes = model.idx_qs[joint], model.idx_vs[joint], (model.nqs[joint], model.nvs[joint])
+            self._entries.append((entry, q, range(v, v + sizes[1]), sizes[0] == 2))
+            if entry.stiffness and sizes[1] > 1:
+                self._turning.append(TurningSpring.of(model, joint, entry))
+
+    def forces(self, tape: Tape, q: Sequence[Number], v: Sequence[Number]) -> list[Number]:
+        """Return the generalised forces (nv,)."""
+        found: list[Number] = [0.0] * self._nv
+        for entry, at_q, places, circle in self._entries:
+            for place in places:
+                value = -entry.damping * v[place]
+                if entry.force:
+                    value = value + entry.force
+                if entry.friction:
+                    value = value - entry.friction * tape.tanh(v[place] * (1.0 / SMOOTHING))
+                if entry.stiffness and len(places) == 1:
+                    rest = float(entry.rest)  # type: ignore[arg-type]  # of a joint with one freedom
+                    value = value - entry.stiffness * _stretch(tape, q, at_q, rest, circle)
+                found[place] = value
+        for spring in self._turning:
+            values = _turning_stretch(tape, list(q[spring.q]), spring.rest.tolist())
+            for place, stretch in zip(range(spring.v.start, spring.v.stop), values, strict=True):
+                found[place] = found[place] - spring.stiffness * stretch
+        return found
+
+
+def _stretch(tape: Tape, q: Sequence[Number], at: int, rest: float, circle: bool) -> Number:
+    if not circle:
+        return q[at] - rest
+    c, s = math.cos(rest), math.sin(rest)
+    return tape.atan2(q[at + 1] * c - q[at] * s, q[at] * c + q[at + 1] * s)
+
+
+def _turning_stretch(tape: Tape, q: Sequence[Number], rest: Sequence[float]) -> list[Number]:
+    """Return how far a ball or a free joint is from rest, as `TurningSpring.stretch`."""
+    now: Vector = (q[-4], q[-3], q[-2])
+    back_u, w = (-rest[-4], -rest[-3], -rest[-2]), rest[-1]
+    vector = plus(times(w, now), times(q[-1], back_u), cross(back_u, now))
+    scalar = w * q[-1] - dot(back_u, now)
+    size = tape.sqrt(scalar * scalar)
+    # Where there is no turn, the angle over its sine is 2, and the tiny number keeps it from being 0 / 0.
+    length = tape.sqrt(dot(vector, vector) + _TINY)
+    share = tape.divide(2.0 * tape.atan2(length, size) * scalar, length * size)
+    turn = times(share, vector)
+    if len(q) == 4:
+        return [*turn]
+    shift = minus((q[0], q[1], q[2]), (rest[0], rest[1], rest[2]))
+    return [*back(of_quaternion(q[3:]), shift), *turn]

@@ -23,26 +23,16 @@ from p3dof._base.errors import ModelError
 from p3dof._base.tracing import Number, Tape
 from p3dof.loops.linear import RANK_TOLERANCE
 
-_THRESHOLD = 0.1
-"""Smallest pivot in its row and column, over all samples."""
-_TIES = 1e-6
-"""Ratios closer than this are equal."""
+_THRESHOLD = 0.1  # smallest pivot in its row and column, over all samples
+_TIES = 1e-6  # ratios closer than this are equal
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The order of elimination.
+    """The order of elimination."""
 
-    Parameters
-    ----------
-    pivots : tuple of (int, int)
-        Row and column of each.
-    sizes : tuple of float
-        Their median sizes on the samples.
-    """
-
-    pivots: tuple[tuple[int, int], ...]
-    sizes: tuple[float, ...]
+    pivots: tuple[tuple[int, int], ...]  # row and column of each
+    sizes: tuple[float, ...]  # their median sizes on the samples
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -56,19 +46,7 @@ class Plan:
 
 
 def planned(J: FloatArray, last: Collection[int]) -> Plan:
-    """Return pivots for some matrices at once.
-
-    Parameters
-    ----------
-    J : (samples, rows, columns) array
-        The matrices, whose rank is the same.
-    last : collection of int
-        Columns that become pivots only where no others do, such as those of motors.
-
-    Returns
-    -------
-    Plan
-    """
+    """Return pivots for some matrices at once."""
     A = np.array(J)
     rows, columns = list(range(A.shape[1])), [c for c in range(A.shape[2]) if c not in set(last)]
     waiting = sorted(last)
@@ -111,17 +89,7 @@ def _best(A: FloatArray, rows: list[int], columns: list[int], smallest: float) -
 
 
 class Factors:
-    """The columns of the dependent speeds, factored on the tape.
-
-    Parameters
-    ----------
-    tape : Tape
-        Where divisions are recorded.
-    rows : sequence of dict of int to Number
-        The rows of the matrix, by place in v.
-    plan : Plan
-        The order.
-    """
+    """The columns of the dependent speeds, factored on the tape."""
 
     def __init__(self, tape: Tape, rows: Sequence[Mapping[int, Number]], plan: Plan) -> None:
         self._plan = plan
@@ -130,8 +98,7 @@ class Factors:
         self._upper: list[dict[int, Number]] = []
         self._lower: list[dict[int, Number]] = []
         self._inverse: list[Number] = []
-        self.pivots: list[Number] = []
-        """The pivots, in their order."""
+        self.pivots: list[Number] = []  # the pivots, in their order
         for row, column in plan.pivots:
             upper = left.pop(row)
             pivot = upper.pop(column, 0.0)
@@ -178,26 +145,7 @@ class Factors:
 
 
 def solve_symmetric(tape: Tape, A: Sequence[Sequence[Number]], b: Sequence[Number]) -> list[Number]:
-    """Return x with A x = b for a symmetric positive definite A, by A = L D Lᵀ.
-
-    Parameters
-    ----------
-    tape : Tape
-        Where divisions are recorded.
-    A : (n, n) numbers
-        Only the lower half is looked at.
-    b : (n,) numbers
-        The right side.
-
-    Returns
-    -------
-    list of Number
-
-    Raises
-    ------
-    ModelError
-        If a pivot is zero whatever the configuration.
-    """
+    """Return x with A x = b for a symmetric positive definite A, by A = L D Lᵀ."""
     n = len(b)
     L, inverse = symmetric_factors(tape, A)[::2]
     x = list(b)
@@ -214,13 +162,7 @@ def solve_symmetric(tape: Tape, A: Sequence[Sequence[Number]], b: Sequence[Numbe
 def symmetric_factors(
     tape: Tape, A: Sequence[Sequence[Number]]
 ) -> tuple[list[list[Number]], list[Number], list[Number]]:
-    """Return L, D and 1 / D of a symmetric matrix, of which the lower half is looked at.
-
-    Raises
-    ------
-    ModelError
-        If a pivot is zero whatever the configuration.
-    """
+    """Return L, D and 1 / D of a symmetric matrix, of which the lower half is looked at."""
     n = len(A)
     L: list[list[Number]] = [[0.0] * n for _ in range(n)]
     D: list[Number] = []

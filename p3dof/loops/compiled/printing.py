@@ -13,10 +13,8 @@ from p3dof.loops.compiled.formulas import Robot
 from p3dof.loops.compiled.function import Function
 
 _INDENT = " " * 4
-_LIBRARY = {"floor": "EACH(floor)"}
-"""What comes from the library of C, lane by lane."""
-_OURS = ("tanh", "atan2")
-"""What is in `p3dof._base.tracing`, for one sample and for lanes."""
+_LIBRARY = {"floor": "EACH(floor)"}  # what comes from the library of C, lane by lane
+_OURS = ("tanh", "atan2")  # what is in `p3dof._base.tracing`, for one sample and for lanes
 
 
 class _Text(Template):
@@ -26,21 +24,7 @@ class _Text(Template):
 
 
 def lanes_source(functions: Sequence[Function], more: str = "", calls: bool = True) -> str:
-    """Return functions as one file of C with calls for one sample and for many.
-
-    Parameters
-    ----------
-    functions : sequence of Function
-        What to print.
-    more : str
-        C that uses them.
-    calls : bool
-        Whether there are calls besides that.
-
-    Returns
-    -------
-    str
-    """
+    """Return functions as one file of C with calls for one sample and for many."""
     used = {f.tape.operations[i].name for f in functions for i in f.tape.needed(f.results)}
     ours = [name for name in _OURS if name in used]
     return fill(
@@ -54,19 +38,7 @@ def lanes_source(functions: Sequence[Function], more: str = "", calls: bool = Tr
 
 
 def sweep_source(robot: Robot, functions: Sequence[Function]) -> str:
-    """Return the functions ``integrate``, ``step`` and ``motion`` as C, and what follows a motion with them.
-
-    Parameters
-    ----------
-    robot : Robot
-        Its independent coordinates are values of joints with one freedom.
-    functions : sequence of Function
-        The three.
-
-    Returns
-    -------
-    str
-    """
+    """Return the functions `integrate`, `step` and `motion` as C, and what follows a motion with them."""
     motion = next(f for f in functions if f.name == "motion")
     parts = {place: part for part in robot.tree.parts[1:] for place in part.v}
     loads = list(motion.inputs.values())[3:]
@@ -88,21 +60,7 @@ def sweep_source(robot: Robot, functions: Sequence[Function]) -> str:
 
 
 def body(function: Function, real: str, suffix: str) -> str:
-    """Return the statements from ``in`` to ``out``.
-
-    Parameters
-    ----------
-    function : Function
-        What to print.
-    real : str
-        The type of values; a constant of it called ``zero`` is there.
-    suffix : str
-        What the names of its functions end in.
-
-    Returns
-    -------
-    str
-    """
+    """Return the statements from ``in`` to ``out``, of a type `real`; ``zero`` is a constant of it."""
     tape = function.tape
     names = {symbol.index: f"in[{i}]" for i, symbol in enumerate(function.symbols)}
     places = tape.needed(function.results)

@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import P3dofError
 from p3dof.loops.derivatives import ByForces, ByMotion
 from p3dof.loops.results import read_only
 
 
 @dataclass(frozen=True, eq=False)
-class CompiledDynamics:
+class CompiledDynamics(Readable):
     """Results of compiled dynamics at one sample, or at N.
 
     Parameters
@@ -53,7 +53,7 @@ class CompiledDynamics:
 
 
 @dataclass(frozen=True, eq=False)
-class CompiledDerivatives:
+class CompiledDerivatives(Readable):
     """Forces or accelerations at one sample or at N, and their exact derivatives on the constraint manifold.
 
     Parameters

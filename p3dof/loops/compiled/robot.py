@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -12,37 +11,26 @@ import pinocchio as pin
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.compiled.couplings import CoupledJoints
 from p3dof.loops.compiled.formulas import Load, Robot
 from p3dof.loops.compiled.functions import jacobian_rows
-from p3dof.loops.compiled.passive import PassiveJoints
+from p3dof.loops.compiled.loops import CoupledJoints, PassiveJoints
 from p3dof.loops.compiled.pivots import Plan, planned
-from p3dof.loops.compiled.tree import tree_of
-from p3dof.loops.compiled.vectors import numbers
-from p3dof.loops.joints import joint_named
+from p3dof.loops.compiled.tree import numbers, tree_of
+from p3dof.loops.coordinates import joint_named
 from p3dof.loops.loop_model import LoopModel
 
-Loop = TypeVar("Loop", bound=LoopModel)
-
-SAMPLES = 12
-"""Closed configurations that the pivots are chosen on."""
-_STEP = 0.3
-"""How far they are from each other [m or rad, of the largest entry]."""
+SAMPLES = 12  # closed configurations that the pivots are chosen on
+_STEP = 0.3  # how far they are from each other [m or rad, of the largest entry]
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledRobot(Robot):
-    """A robot for formulas, and what calls of it need.
-
-    Parameters
-    ----------
-    defaults : mapping of str to array
-        Values of `inputs` that are meant where none are given.
-    """
+    """A robot for formulas, and what calls of it need."""
 
     defaults: Mapping[str, FloatArray] = field(default_factory=dict)
+    """Values of `inputs` that are meant where none are given."""
 
-    def with_inertias(self, loop: Loop, row: Mapping[str, FloatArray]) -> Loop:
+    def with_inertias(self, loop: LoopModel, row: Mapping[str, FloatArray]) -> LoopModel:
         """Return a robot with the inertial parameters of a call."""
         changed = {
             name: values
@@ -65,32 +53,7 @@ def robot_of(
     joint_forces: bool = False,
     inertias: Iterable[str] = (),
 ) -> CompiledRobot:
-    """Return what formulas need of a model.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The model.
-    around : sequence of (nq,) array
-        Closed configurations.
-    external : iterable of str
-        Frames of external wrenches.
-    joint_forces : bool
-        Whether forces in all joints are an input.
-    inertias : iterable of str
-        Joints whose bodies have their inertial parameters as an input.
-
-    Returns
-    -------
-    CompiledRobot
-
-    Raises
-    ------
-    ModelError
-        If a joint is of a kind that cannot be compiled, or does not exist.
-    InputError
-        If a frame does not exist, or a name is given twice.
-    """
+    """Return what formulas need of a model."""
     model, tree = loop.model, tree_of(loop.model)
     kinematics = LoopKinematics(model, loop.sidecar)
     loads = []
@@ -132,22 +95,7 @@ def _different(what: str, names: Iterable[str]) -> list[str]:
 
 
 def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> list[FloatArray]:
-    """Return closed configurations around one, always the same; fewer where they cannot be found.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The model.
-    start : (nq,) array
-        A closed configuration.
-    seed : int
-        Of the directions.
-
-    Returns
-    -------
-    list of (nq,) array
-        Those where the closures have their largest rank.
-    """
+    """Return closed configurations around one of the largest rank, always the same; fewer if not found."""
     found, draw = [np.array(start)], np.random.default_rng(seed)
     for _ in range(4 * SAMPLES):
         if len(found) == SAMPLES:

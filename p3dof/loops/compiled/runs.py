@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,95 +22,125 @@ from p3dof._base.errors import ModelError
 from p3dof._base.threads import in_threads, shares
 from p3dof.loops.compiled import build
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
-from p3dof.loops.compiled.function import Function
-from p3dof.loops.compiled.kernels import pointers, sizes
-from p3dof.loops.compiled.run_source import runs_source
+from p3dof.loops.compiled.formulas import Robot
+from p3dof.loops.compiled.function import Function, pointers, sizes
+from p3dof.loops.compiled.printing import fill, lanes_source, listed
+
+KINDS = {"_one": ("double", "1"), "_lanes": ("lanes", "WIDTH")}
+"""Runs one by one, and side by side: their types, and how many there are."""
+
+_MODEL = """\
+    if (r->control >= PD_WITH_GRAVITY) {
+        @real in[@inputs], out[@outputs];
+        memset(in, 0, sizeof in);
+        memcpy(in, b->given, sizeof(@real) * NQ);
+@defaults
+        if (r->control == COMPUTED_TORQUE) {
+            memcpy(in + NQ, b->given + NQ, sizeof(@real) * FREE);
+            memcpy(in + NQ + FREE, wanted, sizeof(@real) * MOTORS);
+        }
+        model_forces@suffix(in, out);
+        for (int i = 0; i < MOTORS; ++i)
+            wanted[i] = r->control == COMPUTED_TORQUE ? out[i] : wanted[i] + out[i];
+        for (int lane = 0; lane < W; ++lane)
+            b->good[lane] &= AT(out[MOTORS + 2], lane) > 0.0;
+    }
+"""
+
+
+def runs_source(
+    robot: Robot, flow: Function, model: Function | None, defaults: Mapping[str, list[float]], suffix: str
+) -> str:
+    """Return C that follows a robot in time."""
+    independent = {place: i for i, place in enumerate(robot.independent)}
+    real, width = KINDS[suffix]
+    speeds = listed([independent.get(place, -1) for place in robot.motors] or [0])
+    shared = fill("runs.in", motor_speeds=speeds, **sizes_of(robot, flow, list(flow.inputs.values())[3:]))
+    functions = [flow] if model is None else [flow, replace(model, name="model_forces")]
+    by_model = "" if model is None else _by_model(robot, model, defaults, real, suffix)
+    block = fill("run_block.in", suffix=suffix, real=real, width=width, model=by_model)
+    return lanes_source(functions, shared + block, calls=False)
+
+
+def sizes_of(robot: Robot, flow: Function, loads: list[int]) -> dict[str, object]:
+    """Return what the text of runs has of a robot's sizes and motors."""
+    parts = {place: part for part in robot.tree.parts[1:] for place in part.v}
+    return {
+        "nq": robot.tree.nq,
+        "nv": robot.tree.nv,
+        "free": len(robot.independent),
+        "motors": len(robot.motors),
+        "loads": sum(loads),
+        "groups": len(loads),
+        "flow_results": len(flow.results),
+        "load_sizes": listed(loads or [0]),
+        "motor_places": listed([parts[place].q[0] for place in robot.motors] or [0]),
+        "motor_circles": listed([int(parts[place].kind == "unbounded") for place in robot.motors] or [0]),
+    }
+
+
+def defaults_of(robot: Robot, model: Function, defaults: Mapping[str, list[float]]) -> tuple[str, int]:
+    """Return statements that enter what a controller's model has besides the motion, and its inputs."""
+    at = robot.tree.nq + len(robot.independent) + len(robot.motors)
+    values = [value for name in list(model.inputs)[3:] for value in defaults[name]]
+    lines = [f"        in[{at + i}] += {value!r};\n" for i, value in enumerate(values)]
+    return "".join(lines), max(1, at + len(values))
+
+
+def _by_model(
+    robot: Robot, model: Function, defaults: Mapping[str, list[float]], real: str, suffix: str
+) -> str:
+    lines, size = defaults_of(robot, model, defaults)
+    text = _MODEL.replace("@inputs", str(size)).replace("@outputs", str(len(model.results)))
+    return text.replace("@defaults\n", lines).replace("@real", real).replace("@suffix", suffix)
+
 
 CONSTANT, PD, PD_WITH_GRAVITY, COMPUTED_TORQUE = range(4)
 """What gives the forces of the motors."""
-DOUBTFUL = -1
-"""Reason of a run's end: its accelerations are not to be trusted."""
+DOUBTFUL = -1  # reason of a run's end: its accelerations are not to be trusted
 
 Indices = NDArray[np.intp]
 
 
 class StepPlan(NamedTuple):
-    """The steps of runs, and what happens at them.
+    """The steps of runs, and what happens at them."""
 
-    Parameters
-    ----------
-    time : (K + 1,) array
-        Beginnings of the steps, and the end [s].
-    tick : (K,) array of uint8
-        Whether the controller acts at the beginning of a step.
-    sample_step : (S,) array of int
-        In which step each sample is.
-    sample_share : (S,) array
-        At which share of it; zero at its beginning.
-    """
-
-    time: FloatArray
-    tick: NDArray[np.uint8]
-    sample_step: Indices
-    sample_share: FloatArray
+    time: FloatArray  # (K + 1,): beginnings of the steps, and the end [s]
+    tick: NDArray[np.uint8]  # (K,): whether the controller acts at the beginning of a step
+    sample_step: Indices  # (S,): in which step each sample is
+    sample_share: FloatArray  # (S,): at which share of it; zero at its beginning
 
 
 @dataclass(frozen=True, eq=False)
 class Limited:
-    """Limits of joints.
+    """Limits of joints."""
 
-    Parameters
-    ----------
-    q : (L,) array of int
-        Their places.
-    lower, upper : (L,) array
-        What they stay between.
-    """
-
-    q: NDArray[np.int32]
-    lower: FloatArray
+    q: NDArray[np.int32]  # (L,): their places
+    lower: FloatArray  # (L,): what they stay between
     upper: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class RunsFound:
-    """What is left of N runs.
-
-    Parameters
-    ----------
-    reason : (N,) array of int
-        Zero if it went on to its end; `DOUBTFUL`; one more than the limit that was reached, the lower ones
-        first.
-    time : (N,) array
-        When it ended [s].
-    q, v : (N, nq) array, (N, nv) array
-        The state then.
-    peak_force, square_force : (N, n) array
-        Largest forces of the motors, and the sum of their squares over ticks.
-    peak_error, square_error : (N, n) array
-        The same of the differences from their targets.
-    gap : (N,) array
-        Largest length of the vector of all errors of the loops before a step of Newton's method [m, rad].
-    margin : (N,) array
-        Smallest margin of the partition.
-    samples : (N,) array of int
-        How many there are of each run.
-    past : mapping of str to (N, S, size) array
-        ``q``, ``v``, ``a``, ``forces``, ``asked`` at the samples; empty if they were not asked for.
-    """
+    """What is left of N runs."""
 
     reason: NDArray[np.intc]
-    time: FloatArray
-    q: FloatArray
+    """(N,): zero if it went on to its end; `DOUBTFUL`; one more than the limit that was reached, the lower
+    ones first."""
+    time: FloatArray  # (N,): when it ended [s]
+    q: FloatArray  # (N, nq): the state then
     v: FloatArray
-    peak_force: FloatArray
+    peak_force: FloatArray  # (N, n): largest forces of the motors, and the sum of their squares over ticks
     square_force: FloatArray
-    peak_error: FloatArray
+    peak_error: FloatArray  # (N, n): the same of the differences from their targets
     square_error: FloatArray
     gap: FloatArray
-    margin: FloatArray
-    samples: Indices
+    """(N,): largest length of the vector of all errors of the loops before a step of Newton's method [m,
+    rad]."""
+    margin: FloatArray  # (N,): smallest margin of the partition
+    samples: Indices  # (N,): how many there are of each run
     past: Mapping[str, FloatArray]
+    """(N, S, size): `q`, `v`, `a`, `forces`, `asked` at the samples; empty if they were not asked for."""
 
 
 class _Runs(ctypes.Structure):
@@ -131,20 +161,7 @@ class _Runs(ctypes.Structure):
 
 
 class CompiledRuns:
-    """Runs of one robot, compiled.
-
-    Parameters
-    ----------
-    compiled : CompiledLoop
-        The robot.
-    model : CompiledLoop, optional
-        The model of its controller, with the same independent coordinates.
-
-    Raises
-    ------
-    ModelError
-        If there is no C compiler, or the model has other independent coordinates.
-    """
+    """Runs of one robot, compiled."""
 
     def __init__(self, compiled: CompiledLoop, model: CompiledLoop | None = None) -> None:
         if compiled.level == "numpy":
@@ -152,8 +169,7 @@ class CompiledRuns:
         if model is not None and model.independent != compiled.independent:
             raise ModelError("the controller's model has other independent coordinates")
         self.compiled, self._model = compiled, model
-        self.flow = compiled.function("flow")
-        """The rates of a state."""
+        self.flow = compiled.function("flow")  # the rates of a state
         self._libraries: dict[str, ctypes.CDLL] = {}
 
     def prepare(
@@ -165,30 +181,7 @@ class CompiledRuns:
         control: int = CONSTANT,
         history: int = 0,
     ) -> PreparedRuns:
-        """Return N runs that wait.
-
-        Parameters
-        ----------
-        plan : StepPlan
-            The steps, the same for all.
-        given : mapping of str to (N, size) or (size,) array
-            ``q``, which has N rows, ``v`` (independent), ``kp``, ``kd``, ``most``, ``forces`` (n,), and what
-            else acts, as `CompiledLoop.defaults` names it; what is not given is zero, or infinite, or as by
-            default.
-        rows : three (ticks, n) or (N, ticks, n) arrays
-            Of all ticks: targets, their speeds, and forces or accelerations that are known before. Without
-            them there are no errors.
-        limited : Limited, optional
-            Where runs end.
-        control : int
-            What gives the forces.
-        history : int
-            Room for samples of each run.
-
-        Returns
-        -------
-        PreparedRuns
-        """
+        """Return N runs that wait."""
         motors = self.flow.inputs["tau"]
         usual = {**dict.fromkeys(("kp", "kd", "forces"), np.zeros(motors)), "most": np.full(motors, np.inf)}
         names = ["q", "v", "kp", "kd", "most", "forces", *list(self.flow.inputs)[3:]]
@@ -211,19 +204,7 @@ class CompiledRuns:
 
 
 class PreparedRuns:
-    """N runs with all that they read and write.
-
-    Parameters
-    ----------
-    library : ctypes.CDLL
-        Where they are compiled.
-    suffix : str
-        One of `KINDS`.
-    flow : Function
-        The rates of a state.
-    parts : sequence of (N, size) or (size,) array
-        Where they start and what acts.
-    """
+    """N runs with all that they read and write."""
 
     def __init__(
         self, library: ctypes.CDLL, suffix: str, flow: Function, parts: Sequence[FloatArray]
@@ -238,12 +219,7 @@ class PreparedRuns:
         self._runs, self._kept = _Runs(), list[Any]()
 
     def fill(
-        self,
-        plan: StepPlan,
-        rows: Sequence[FloatArray],
-        limits: Limited,
-        control: int,
-        history: int,
+        self, plan: StepPlan, rows: Sequence[FloatArray], limits: Limited, control: int, history: int
     ) -> None:
         """Say what they do; see `CompiledRuns.prepare`."""
         count, motors = self.count, self._flow.inputs["tau"]

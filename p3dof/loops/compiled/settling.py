@@ -13,22 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
+from p3dof.loops.assembly import CONTRACTION
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
-from p3dof.loops.compiled.limits import MARGIN
-from p3dof.loops.solver import CONTRACTION
+from p3dof.loops.compiled.formulas import MARGIN
 
-_PIECE = 0.2
-"""Longest way of a joint in one piece [rad, or share of the robot's unit of length]."""
-_PIECES = 64
-"""Most pieces."""
-_FIRST = 0.1
-"""Largest first correction [m or rad]."""
-_NEARLY, _LAST = 1e-8, 1e-13
-"""Correction behind which the next one is rounding, and one that is [m or rad]."""
-_STEPS = 6
-"""Most corrections of a piece."""
-_SPACINGS = (64, 8, 1)
-"""Every how many samples are found first, and then in between those."""
+_PIECE = 0.2  # longest way of a joint in one piece [rad, or share of the robot's unit of length]
+_PIECES = 64  # most pieces
+_FIRST = 0.1  # largest first correction [m or rad]
+_NEARLY, _LAST = 1e-8, 1e-13  # correction behind which the next one is rounding, and one that is [m or rad]
+_STEPS = 6  # most corrections of a piece
+_SPACINGS = (64, 8, 1)  # every how many samples are found first, and then in between those
 
 _Flags = NDArray[np.bool_]
 
@@ -41,13 +35,7 @@ class Settled(NamedTuple):
 
 
 class Settler:
-    """Finds configurations at values of the actuated joints.
-
-    Parameters
-    ----------
-    compiled : CompiledLoop
-        A robot whose actuated joints determine its motion.
-    """
+    """Finds configurations at values of the actuated joints."""
 
     def __init__(self, compiled: CompiledLoop) -> None:
         self._compiled = compiled

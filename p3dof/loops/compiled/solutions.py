@@ -8,29 +8,26 @@ from typing import NamedTuple
 from p3dof._base.tracing import Number, Symbol
 from p3dof.loops.closed_tree import NEARLY_CLOSED, NEARLY_CONSISTENT
 from p3dof.loops.compiled.dynamics import mass_matrix
-from p3dof.loops.compiled.formulas import At, Moving
+from p3dof.loops.compiled.formulas import (
+    LIGHTEST,
+    MARGIN_OF_STATES,
+    At,
+    Moving,
+    applied,
+    larger,
+    stays_closed,
+)
 from p3dof.loops.compiled.function import Builder
-from p3dof.loops.compiled.limits import LIGHTEST, MARGIN_OF_STATES, applied, larger, stays_closed
 from p3dof.loops.compiled.pivots import solve_symmetric, symmetric_factors
-from p3dof.loops.compiled.vectors import dot
+from p3dof.loops.compiled.tree import dot
 
 
 class Borne(NamedTuple):
-    """What bears a motion.
+    """What bears a motion."""
 
-    Parameters
-    ----------
-    tau : list of Number
-        Forces of the motors, the smallest ones.
-    rows : dict of int to Number
-        Multipliers by row of the Jacobian; zero of redundant rows.
-    missing : list of Number
-        What no motor gives.
-    """
-
-    tau: list[Number]
-    rows: dict[int, Number]
-    missing: list[Number]
+    tau: list[Number]  # forces of the motors, the smallest ones
+    rows: dict[int, Number]  # multipliers by row of the Jacobian; zero of redundant rows
+    missing: list[Number]  # what no motor gives
 
     def multipliers(self, at: At) -> list[Number]:
         """Return the multipliers of the general layer."""
@@ -113,11 +110,7 @@ def drift_of(at: At, moving: Moving, beta: Number | None = None) -> list[Number]
 
 
 def independent_accelerations(
-    at: At,
-    moving: Moving,
-    tau: Sequence[Number],
-    mass: Sequence[Sequence[Number]],
-    drift: Sequence[Number],
+    at: At, moving: Moving, tau: Sequence[Number], mass: Sequence[Sequence[Number]], drift: Sequence[Number]
 ) -> dict[int, Number]:
     """Return the accelerations of the independent speeds by place, under forces of the motors."""
     robot, free = at.robot, at.robot.independent
@@ -133,10 +126,7 @@ def independent_accelerations(
 def accelerated(
     at: At, moving: Moving, given: Mapping[int, Number], beta: Number | None = None
 ) -> tuple[list[Number], list[Number]]:
-    """Return all accelerations from those of the motors, idle freedoms moving as they must.
-
-    With what must be positive for that.
-    """
+    """Return all accelerations from those of the motors, and what must be positive for that."""
     idle = [i for i in at.robot.independent if i not in at.robot.motors]
     start = at.completed({**given, **dict.fromkeys(idle, 0.0)}, drift_of(at, moving, beta))
     if not idle:

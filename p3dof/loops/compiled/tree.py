@@ -8,64 +8,142 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from p3dof._base.errors import ModelError
 from p3dof._base.tracing import Number, Tape
-from p3dof.loops.compiled.vectors import (
-    IDENTITY,
-    NOTHING,
-    ZERO,
-    Matrix,
-    Vector,
-    added,
-    matrix_of,
-    numbers,
-    outer,
-    plus,
-    product,
-    times,
-    turned,
-)
+
+Vector: TypeAlias = tuple[Number, Number, Number]
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
+
+_SNAP = 1e-14  # entries below this part of a size are rounding of angles in a file, and become zero
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+NOTHING: Matrix = (ZERO, ZERO, ZERO)
+
+
+def numbers(values: Sequence[float], size: float = 1.0) -> Vector:
+    """Return three known numbers; those that are nothing beside a size become zero."""
+    x, y, z = (_snapped(float(value), size) for value in values)
+    return x, y, z
+
+
+def matrix_of(values: np.ndarray, size: float = 1.0) -> Matrix:
+    """Return a known matrix; entries that are nothing beside a size become zero."""
+    a, b, c = (numbers(row, size) for row in np.asarray(values))
+    return a, b, c
+
+
+def _snapped(value: float, size: float) -> float:
+    if abs(value) <= _SNAP * size:
+        return 0.0
+    for whole in (1.0, -1.0):
+        if abs(value - whole) < _SNAP:
+            return whole
+    return value
+
+
+def plus(a: Vector, *others: Vector) -> Vector:
+    """Return a sum."""
+    x, y, z = a
+    for b in others:
+        x, y, z = x + b[0], y + b[1], z + b[2]
+    return x, y, z
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def times(factor: Number, a: Vector) -> Vector:
+    """Return a multiple."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def dot(a: Sequence[Number], b: Sequence[Number]) -> Number:
+    """Return a · b."""
+    total: Number = 0.0
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return a x b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def turned(R: Matrix, a: Vector) -> Vector:
+    """Return R a."""
+    return dot(R[0], a), dot(R[1], a), dot(R[2], a)
+
+
+def transposed(R: Matrix) -> Matrix:
+    """Return the transposed matrix."""
+    return ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
+
+
+def back(R: Matrix, a: Vector) -> Vector:
+    """Return Rᵀ a."""
+    return turned(transposed(R), a)
+
+
+def product(A: Matrix, B: Matrix) -> Matrix:
+    """Return A B."""
+    columns = transposed(B)
+    x, y, z = ((dot(row, columns[0]), dot(row, columns[1]), dot(row, columns[2])) for row in A)
+    return x, y, z
+
+
+def added(A: Matrix, B: Matrix) -> Matrix:
+    """Return A + B."""
+    return plus(A[0], B[0]), plus(A[1], B[1]), plus(A[2], B[2])
+
+
+def outer(a: Vector, b: Vector) -> Matrix:
+    """Return a bᵀ."""
+    return times(a[0], b), times(a[1], b), times(a[2], b)
+
+
+def rate_matrix(omega: Vector, alpha: Vector) -> Matrix:
+    """Return [α]x + [ω]x [ω]x: what the acceleration of points of a body has by their places."""
+    x, y, z = omega
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    return (
+        (-(yy + zz), xy - alpha[2], xz + alpha[1]),
+        (xy + alpha[2], -(xx + zz), yz - alpha[0]),
+        (xz - alpha[1], yz + alpha[0], -(xx + yy)),
+    )
+
+
+def axial(A: Matrix) -> Vector:
+    """Return the vector of A - Aᵀ: that of [a]x is 2 a."""
+    return A[2][1] - A[1][2], A[0][2] - A[2][0], A[1][0] - A[0][1]
+
 
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Part:
-    """An elementary joint and the body that it moves.
-
-    Parameters
-    ----------
-    kind : str
-        ``revolute``, ``unbounded`` (cosine and sine in q), ``prismatic``, ``helical``, ``ball`` (quaternion),
-        ``free`` (position and quaternion), ``planar`` (x, y, cosine, sine), ``translation``.
-    parent : int
-        The part before, 0 for the world.
-    R0, p0 : Matrix, Vector
-        Placement of the joint in the axes of the body before.
-    axis : Vector
-        Of a joint with one freedom.
-    pitch : float
-        Of a helical one [m/rad].
-    q, v : tuple of int
-        Its places in q and v.
-    mass, first, second : float, Vector, Matrix
-        Mass, first moment and second moment ∫ r rᵀ dm of the body about its origin.
-    """
+    """An elementary joint and the body that it moves."""
 
     kind: str
-    parent: int
-    R0: Matrix
+    """`revolute`, `unbounded` (cosine and sine in q), `prismatic`, `helical`, `ball` (quaternion), `free`
+    (position and quaternion), `planar` (x, y, cosine, sine), `translation`."""
+    parent: int  # the part before, 0 for the world
+    R0: Matrix  # placement of the joint in the axes of the body before
     p0: Vector
-    axis: Vector
-    pitch: float
-    q: tuple[int, ...]
+    axis: Vector  # of a joint with one freedom
+    pitch: float  # of a helical one [m/rad]
+    q: tuple[int, ...]  # its places in q and v
     v: tuple[int, ...]
-    mass: Number = 0.0
+    mass: Number = 0.0  # mass, first moment and second moment ∫ r rᵀ dm of the body about its origin
     first: Vector = ZERO
     second: Matrix = NOTHING
 
@@ -106,31 +184,15 @@ class Part:
 
 @dataclass(frozen=True)
 class Tree:
-    """The parts of a tree, the world first, and which of them carries each joint of the model.
+    """The parts of a tree, the world first, and which of them carries each joint of the model."""
 
-    Parameters
-    ----------
-    parts : tuple of Part
-        The first is the world.
-    of_joint : tuple of int
-        By joint of the model, the part whose body is that of the joint.
-    nq, nv : int
-        Sizes of q and v.
-    gravity : Vector
-        [m/s²].
-    armature : tuple of float
-        By entry of v.
-    size : float
-        Its largest length, one if that is longer or nothing: beside it rounding is told [m].
-    """
-
-    parts: tuple[Part, ...]
-    of_joint: tuple[int, ...]
-    nq: int
+    parts: tuple[Part, ...]  # the first is the world
+    of_joint: tuple[int, ...]  # by joint of the model, the part whose body is that of the joint
+    nq: int  # sizes of q and v
     nv: int
-    gravity: Vector
-    armature: tuple[float, ...]
-    size: float = 1.0
+    gravity: Vector  # [m/s²]
+    armature: tuple[float, ...]  # by entry of v
+    size: float = 1.0  # its largest length, one if that is longer or nothing: beside it rounding is told [m]
 
     def path(self, part: int) -> list[int]:
         """Return the parts from one up to the world, which is left out."""
@@ -142,22 +204,7 @@ class Tree:
 
 
 def tree_of(model: pin.Model) -> Tree:
-    """Return the parts of a tree.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    ModelError
-        If a joint is of a kind that is not known here; the message names it.
-    """
+    """Return the parts of a tree."""
     size = _size(model)
     world = Part("prismatic", 0, IDENTITY, ZERO, ZERO, 0.0, (), ())
     parts, of_joint = [world], [0]
@@ -191,19 +238,7 @@ def _with_body(part: Part, inertia: pin.Inertia, size: float) -> Part:
 
 
 def with_parameters(part: Part, values: Sequence[Number]) -> Part:
-    """Return a part with other inertial parameters.
-
-    Parameters
-    ----------
-    part : Part
-        The part.
-    values : (10,) numbers
-        Mass, first moment, and the inertia about the origin as xx, xy, yy, xz, yz, zz: Pinocchio's order.
-
-    Returns
-    -------
-    Part
-    """
+    """Return a part with other inertial parameters."""
     mass, hx, hy, hz, xx, xy, yy, xz, yz, zz = values
     half = (xx + yy + zz) * 0.5
     second = (half - xx, -xy, -xz), (-xy, half - yy, -yz), (-xz, -yz, half - zz)
@@ -277,36 +312,14 @@ def _axis(joint: Any, kind: str) -> tuple[Vector, float]:
 
 @dataclass(frozen=True)
 class Placements:
-    """Where every body is in the axes of the body before, as formulas of q.
+    """Where every body is in the axes of the body before, as formulas of q."""
 
-    Parameters
-    ----------
-    R : list of Matrix
-        By part; takes vectors in its axes to those of the body before.
-    r : list of Vector
-        By part, its origin in the axes of the body before.
-    """
-
-    R: list[Matrix]
-    r: list[Vector]
+    R: list[Matrix]  # by part; takes vectors in its axes to those of the body before
+    r: list[Vector]  # by part, its origin in the axes of the body before
 
 
 def placements(tree: Tree, tape: Tape, q: Sequence[Number]) -> Placements:
-    """Return the formulas of a tree's placements.
-
-    Parameters
-    ----------
-    tree : Tree
-        The parts.
-    tape : Tape
-        Where functions are taken from.
-    q : sequence of (nq,) numbers
-        The configuration.
-
-    Returns
-    -------
-    Placements
-    """
+    """Return the formulas of a tree's placements."""
     R, r = [IDENTITY], [ZERO]
     for part in tree.parts[1:]:
         rotation, shift = _MOVES[part.kind](part, tape, [q[i] for i in part.q])

@@ -17,8 +17,9 @@ MuJoCo documentation, XML reference and "Computation": order of the joints of a 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 from warnings import warn
 
@@ -28,43 +29,204 @@ import pinocchio as pin
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError, ModelWarning
 from p3dof.loops.formats.mjcf_file import compiled
-from p3dof.loops.formats.mjcf_left_out import acting, left_out, lifting, tendon_armature
-from p3dof.loops.formats.mjcf_tendons import Tendon, pulled, tendon, tied
-from p3dof.loops.joint_data import JointData
-from p3dof.loops.sidecar import Closure, Coupling, Sidecar, suggestion
+from p3dof.loops.formats.urdf import MAX_FREEDOMS, MAX_LINKS
+from p3dof.loops.sidecar import Closure, Coupling, JointData, Sidecar, check_couplings, suggestion
 from p3dof.loops.trees import add_frame
-from p3dof.loops.urdf import MAX_FREEDOMS, MAX_LINKS
+
+_SLIDE = 2  # of `mujoco.mjtJoint`
+
+
+def acting(m: Any, number: int) -> bool:
+    """Return whether something acts in a tendon by itself."""
+    fields = m.tendon_stiffness, m.tendon_damping, m.tendon_frictionloss, tendon_armature(m)
+    return any(bool(field[number]) for field in fields)
+
+
+def tendon_armature(m: Any) -> FloatArray:
+    """Return the inertia of all tendons, which they have since MuJoCo 3.3.1; (ntendon,)."""
+    return np.array(getattr(m, "tendon_armature", np.zeros(m.ntendon)))
+
+
+def lifting(m: Any, gravity: FloatArray) -> dict[int, float]:
+    """Return the compensation of gravity as forces [N] of slides that alone carry a body, by joint number."""
+    found: dict[int, float] = {}
+    for body in np.flatnonzero(m.body_gravcomp > 0):
+        slide = _slide_of(m, int(body))
+        if slide is not None:
+            number, axis = slide
+            weight = -float(m.body_mass[body]) * float(np.dot(gravity, axis))
+            found[number] = found.get(number, 0.0) + float(m.body_gravcomp[body]) * weight
+    return found
+
+
+def _slide_of(m: Any, body: int) -> tuple[int, FloatArray] | None:
+    """Return the slide by which alone a body moves, and its axis in the world; None if there is more."""
+    joints: list[int] = []
+    rotation, found = np.eye(3), body
+    while body:
+        first = int(m.body_jntadr[body])
+        joints += range(first, first + int(m.body_jntnum[body]))
+        body = int(m.body_parentid[body])
+    if len(joints) != 1 or m.jnt_type[joints[0]] != _SLIDE or m.jnt_actgravcomp[joints[0]]:
+        return None
+    body = int(m.jnt_bodyid[joints[0]])
+    while body:
+        rotation = _matrix(m.body_quat[body]) @ rotation
+        body = int(m.body_parentid[body])
+    return (joints[0], rotation @ m.jnt_axis[joints[0]]) if found else None
+
+
+def _not_lifting(m: Any) -> Iterator[str]:
+    for body in np.flatnonzero(m.body_gravcomp > 0):
+        if _slide_of(m, int(body)) is None:
+            yield f"the compensation of gravity of the body {shown(str(m.body(int(body)).name))}"
+
+
+def _matrix(quaternion: FloatArray) -> FloatArray:
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def left_out(m: Any, tendons: Collection[int]) -> Iterator[str]:
+    """Yield words for what acts and is not read."""
+    for number in range(m.ntendon):
+        called = f"the tendon {shown(str(m.tendon(number).name))}"
+        if number in tendons:
+            low, high = m.tendon_lengthspring[number]
+            if m.tendon_stiffness[number] and low != high:
+                yield f"the spring of {called}, which is slack between two lengths"
+        elif acting(m, number):
+            yield f"what acts in {called}, which is not fixed to joints"
+    if hasattr(m, "actuator_damping"):
+        for number in np.flatnonzero(m.actuator_damping):
+            yield f"the damping of the actuator {shown(str(m.actuator(int(number)).name))}"
+    for number in range(m.njnt):
+        called = f"the joint {shown(str(m.joint(number).name))}"
+        dofs = np.flatnonzero(m.dof_jntid == number)
+        if _any(m, "jnt_stiffnesspoly", number) or _any(m, "dof_dampingpoly", dofs):
+            yield f"the higher powers of the spring or damper of {called}"
+        if m.jnt_type[number] == 0 and m.dof_armature[dofs].any():
+            yield f"that the armature of {called} is in axes of the world"
+    yield from _not_lifting(m)
+    if m.opt.density or m.opt.viscosity:
+        yield "the fluid around the robot"
+
+
+def _any(m: Any, field: str, which: Any) -> bool:
+    """Whether an array of newer versions of MuJoCo has entries there that are not zero."""
+    return hasattr(m, field) and bool(np.any(getattr(m, field)[which]))
+
+
+_LINEAR = 2  # coefficients of a polynomial of degree one
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A tendon."""
+
+    name: str  # what to call it
+    start: float  # its length at `qpos0` [m or rad]
+    joints: Mapping[str, float]  # of a fixed tendon, its joints and how much of each its length is
+    sites: tuple[int, ...] = ()  # of a straight tendon between two sites, these
+
+
+def tendon(m: Any, number: int, name: str, joints: Sequence[str]) -> Tendon:
+    """Return a tendon of a compiled model; one that is neither fixed nor straight has nothing in it."""
+    import mujoco
+
+    parts = range(m.tendon_adr[number], m.tendon_adr[number] + m.tendon_num[number])
+    kinds = {mujoco.mjtWrap(int(m.wrap_type[part])) for part in parts}
+    start = float(m.tendon_length0[number])
+    if kinds == {mujoco.mjtWrap.mjWRAP_JOINT}:
+        terms: dict[str, float] = {}
+        for part in parts:
+            joint = joints[m.wrap_objid[part]]
+            terms[joint] = terms.get(joint, 0.0) + float(m.wrap_prm[part])
+        return Tendon(name, start, {joint: factor for joint, factor in terms.items() if factor})
+    straight = kinds == {mujoco.mjtWrap.mjWRAP_SITE} and len(parts) == 2
+    return Tendon(name, start, {}, tuple(int(m.wrap_objid[part]) for part in parts) if straight else ())
+
+
+def tied(
+    name: str,
+    one: Tendon,
+    other: Tendon | None,
+    polynomial: Sequence[float],
+    sites: Sequence[str],
+    others: Sequence[Coupling],
+) -> Closure | Coupling:
+    """Return an equality of tendons as a rod between two sites, or a coupling of joints of fixed tendons."""
+    if one.sites and other is None:
+        first, second = (sites[site] for site in one.sites)
+        return Closure(first, second, "distance", one.start + polynomial[0])
+    if not one.joints or (other is not None and not other.joints):
+        raise ModelError(
+            f"MJCF: the equality {shown(name)} ties tendons that are neither fixed nor, one alone, straight "
+            "between two sites: it is not understood"
+        )
+    p = np.polynomial.Polynomial([polynomial[0]])
+    if other is not None:
+        p = np.polynomial.Polynomial(polynomial).trim()
+    joints, start = dict(one.joints), one.start
+    if other is not None and len(p.coef) == _LINEAR:  # all joints on one side
+        for joint, factor in other.joints.items():
+            joints[joint] = joints.get(joint, 0.0) - p.coef[1] * factor
+        constant = start + p.coef[0] - p.coef[1] * other.start
+        return _coupling(name, {j: f for j, f in joints.items() if f}, None, np.array([constant]), others)
+    if other is None or len(p.coef) == 1:
+        return _coupling(name, joints, None, np.array([start + p.coef[0]]), others)
+    if len(other.joints) > 1:
+        raise ModelError(
+            f"MJCF: the equality {shown(name)} is a polynomial in the length of a tendon over "
+            f"{len(other.joints)} joints, which is not understood"
+        )
+    ((leader, factor),) = other.joints.items()
+    return _coupling(
+        name, joints, leader, (p(np.polynomial.Polynomial([-other.start, factor])) + start).coef, others
+    )
+
+
+def _coupling(
+    name: str, joints: Mapping[str, float], leader: str | None, constant: Any, others: Sequence[Coupling]
+) -> Coupling:
+    """Return Σ factor q = constant, or that polynomial in the value of the leader, solved for some joint."""
+    failed = None
+    for joint, factor in joints.items():
+        rest = {other: -f / factor for other, f in joints.items() if other != joint}
+        coefficients = [float(c) / factor for c in constant]
+        on = leader
+        if leader is None and rest:
+            on = next(iter(rest))
+            coefficients.append(rest.pop(on))
+        try:
+            found = Coupling(joint, on, tuple(coefficients), name, tuple(rest.items()))
+            check_couplings("MJCF", [*others, found])
+        except ModelError as error:
+            failed = error
+        else:
+            return found
+    raise failed or ModelError(f"MJCF: the equality {shown(name)} ties no joint")
+
+
+def pulled(one: Tendon) -> Coupling:
+    """Return what makes the joint of a fixed tendon have its length."""
+    (first, factor), *rest = one.joints.items()
+    return Coupling(one.name, first, (0.0, factor), f"tendon {one.name}", tuple(rest))
+
 
 _TURNS = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
-_UNIT = 1e-9
-"""How far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow."""
+_UNIT = 1e-9  # how far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow
 
 
 def read(source: str | os.PathLike[str], key: str | None = None) -> tuple[pin.Model, Sidecar]:
-    """Return the tree of an MJCF file and its loops.
-
-    Parameters
-    ----------
-    source : str or path-like
-        XML text or the path of a file.
-    key : str, optional
-        The keyframe that is the reference configuration; the first one by default.
-
-    Returns
-    -------
-    model : pin.Model
-        Coordinates of hinges and slides are MuJoCo's ``qpos``; quaternions are in Pinocchio's order.
-    sidecar : Sidecar
-        Actuated are the joints that have an actuator.
-
-    Raises
-    ------
-    ModelError
-        If the file is malformed or too large, or ties bodies by something that is not understood.
-    MissingExtraError
-        If MuJoCo is not installed.
-    """
+    """Return the tree of an MJCF file and its loops."""
     return _Translation(compiled(source), key).result()
 
 
@@ -75,15 +237,7 @@ def translation_of(source: str | os.PathLike[str]) -> tuple[Any, _Translation]:
 
 
 class _Translation:
-    """Turns MuJoCo's compiled model into a tree and a sidecar.
-
-    Parameters
-    ----------
-    compiled : mujoco.MjModel
-        The model.
-    key : str, optional
-        Name of a keyframe.
-    """
+    """Turns MuJoCo's compiled model into a tree and a sidecar."""
 
     def __init__(self, compiled: Any, key: str | None) -> None:
         import mujoco
@@ -156,10 +310,7 @@ class _Translation:
         self._bodies.append((joint, place, frame))
 
     def _joint(self, number: int, place: pin.SE3) -> tuple[Any, pin.SE3, pin.SE3]:
-        """Return a joint, where it is, and where the body is seen from behind it.
-
-        MuJoCo's coordinates count from ``qpos0``, at which the body is where the file has it.
-        """
+        """Return a joint, its place, and the body's seen from behind it; MuJoCo counts from ``qpos0``."""
         m, kinds = self._m, self._types.mjtJoint
         kind = kinds(int(m.jnt_type[number]))
         anchor, axis = m.jnt_pos[number], m.jnt_axis[number]
@@ -394,3 +545,37 @@ def _about(axis: FloatArray, aligned: Any, unaligned: Any) -> Any:
         if np.array_equal(axis, direction):
             return kind()
     return unaligned(np.array(axis, dtype=float))
+
+
+_SHOWN_GROUPS = 3  # MuJoCo shows the geoms of the first groups; the others are mostly there for contacts
+_KINDS = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
+
+
+@dataclass(frozen=True, eq=False)
+class Geom:
+    """A primitive shape."""
+
+    joint: str  # the joint whose body it is on; `"universe"` for the world
+    placement: pin.SE3  # where it is in the axes of the joint
+    kind: str  # `"sphere"`, `"capsule"`, `"ellipsoid"`, `"cylinder"` or `"box"`
+    size: FloatArray  # (3,): as MuJoCo has it: radii and half lengths [m]
+    rgba: FloatArray  # (4,): its colour
+
+
+def geoms(source: str | os.PathLike[str]) -> list[Geom]:
+    """Return the primitive shapes that MuJoCo would show; planes, meshes and height fields are left out."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # who reads the robot is told
+        compiled, translation = translation_of(source)
+        model, _ = translation.result()
+    found = []
+    for i in range(compiled.ngeom):
+        kind = translation.kind_of_geom(i)
+        if kind not in _KINDS or compiled.geom_group[i] >= _SHOWN_GROUPS:
+            continue
+        joint, place = translation.place_of_body(int(compiled.geom_bodyid[i]))
+        w, x, y, z = (float(number) for number in compiled.geom_quat[i])
+        own = pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(compiled.geom_pos[i]))
+        size, rgba = np.array(compiled.geom_size[i]), np.array(compiled.geom_rgba[i], dtype=float)
+        found.append(Geom(str(model.names[joint]), place * own, kind, size, rgba))
+    return found

@@ -19,30 +19,7 @@ _EXTRA = "MJCF files are compiled by MuJoCo: pip install 'p3dof[mjcf]'"
 
 
 def compiled(source: str | os.PathLike[str]) -> Any:
-    """Return MuJoCo's model of a file.
-
-    Parameters
-    ----------
-    source : str or path-like
-        XML text or the path of a file.
-
-    Returns
-    -------
-    mujoco.MjModel
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read or compiled; for example, if a body that moves has no mass because the mesh
-        that gives it is missing.
-    MissingExtraError
-        If MuJoCo is not installed.
-
-    Warns
-    -----
-    ModelWarning
-        If the mass of a body lacks that of a mesh which is not there.
-    """
+    """Return MuJoCo's model of a file."""
     try:
         import mujoco
     except ImportError as error:

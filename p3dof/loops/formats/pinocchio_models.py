@@ -13,8 +13,7 @@ from p3dof._base.errors import InputError, ModelError
 from p3dof.loops.sidecar import Closure, Coupling, Sidecar
 
 _POINT, _FRAME = "3d", "6d"
-_ZERO = 1e-12
-"""Largest offset [m or rad] that counts as none."""
+_ZERO = 1e-12  # largest offset [m or rad] that counts as none
 
 
 def read(
@@ -24,35 +23,7 @@ def read(
     couplings: Iterable[Coupling] = (),
     reference: Mapping[str, Any] | None = None,
 ) -> tuple[pin.Model, Sidecar]:
-    """Return a copy of a tree, with frames where its constraints act, and the closures of these.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree, or what has one as its `model`, such as a RobotWrapper.
-    constraint_models : iterable
-        Of Pinocchio: `RigidConstraintModel` (3D or 6D), `PointAnchorConstraintModel`,
-        `FrameAnchorConstraintModel`, or a `ConstraintModel` that holds one of the two.
-    actuated : sequence of str, optional
-        Names of the actuated joints; by default all with one degree of freedom that no coupling determines.
-    couplings : iterable of Coupling
-        Joints that follow others.
-    reference : mapping, optional
-        As in `Sidecar`.
-
-    Returns
-    -------
-    model : pin.Model
-    sidecar : Sidecar
-
-    Raises
-    ------
-    ModelError
-        If a constraint is of another kind, has an offset, a velocity or an acceleration of its own, or
-        belongs to another model.
-    InputError
-        If `model` is no tree of Pinocchio, or the others are no sequences.
-    """
+    """Return a copy of a tree, with frames where its constraints act, and the closures of these."""
     tree = model if isinstance(model, pin.Model) else getattr(model, "model", None)
     if not isinstance(tree, pin.Model):
         raise InputError(f"model: expected a pinocchio.Model or a RobotWrapper, got {shown(model)}")

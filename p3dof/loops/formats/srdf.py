@@ -14,28 +14,7 @@ from p3dof.loops.xml_text import XmlReader, read_xml
 
 
 def state_of(source: str | os.PathLike[str], state: str | None, joints: Collection[str]) -> dict[str, Any]:
-    """Return the values of the joints in a group state.
-
-    Parameters
-    ----------
-    source : str or path-like
-        The SRDF, as text or as the path of a file.
-    state : str, optional
-        The name of the group state; the first one by default. States of the same name in several groups are
-        taken together.
-    joints : collection of str
-        Names of the model's joints.
-
-    Returns
-    -------
-    dict
-        Of joints that the model has, values [m or rad], as in `p3dof.Sidecar.reference`.
-
-    Raises
-    ------
-    ModelError
-        If the file is malformed, has no such state, or a value is not a number.
-    """
+    """Return the values [m or rad] of the model's joints in a group state, as `p3dof.Sidecar.reference`."""
     text, name = read_xml(source, "SRDF")
     robot = XmlReader(name).parse(text)
     states = list(robot.iterfind("group_state"))

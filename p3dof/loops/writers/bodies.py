@@ -2,50 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any
+import re
+import warnings
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
-from p3dof._base.checks import LARGEST, FloatArray, shown
-from p3dof._base.errors import ModelError
-from p3dof.loops.writers.chains import Part, parts_of
+from p3dof._base.checks import LARGEST, FloatArray, one_line, shown
+from p3dof._base.errors import AssemblyError, ModelError, ModelWarning
+from p3dof.loops.closures import LoopKinematics
+from p3dof.loops.loop_model import LoopModel
 
-LEAST = 2e-15
-"""Mass [kg] and moments of inertia [kg m²] of what has none: the least that MuJoCo takes is 1e-15."""
-_UNNOTICED = 1e-12
-"""Of the largest entry of the mass matrix, what it may add."""
-_PARALLEL = 1e-12
-"""Sine of the angle between parallel axes."""
-_MOST = 6
-"""Degrees of freedom that a body can have from the one before it."""
+KNOWN = (
+    "JointModelR",
+    "JointModelP",
+    "JointModelSphericalZYX",
+    "JointModelTranslation",
+    "JointModelUniversal",
+)
+"""Beginnings of the names of joints that turn and slide about and along the axes of their own subspace."""
+_COMPOSITE = "JointModelComposite"
+
+
+@dataclass(frozen=True)
+class WrittenJoint:
+    """A hinge, a slide, a ball or a free joint."""
+
+    name: str  # the joint's name; a number is added where a joint is several parts
+    joint: int  # the joint of the tree
+    kind: str  # `"hinge"`, `"slide"`, `"ball"` or `"free"`
+    axis: FloatArray  # (3,): of a hinge or a slide, in its own axes
+    place: Any  # where it is, in the axes of what is before it, when that is at zero
+    v: tuple[int, ...]
+    """What in the velocity of the tree is its own, if it is a joint by itself or all together are."""
+    turned: bool = False  # whether the velocity is in axes that the joint turns, which these parts do not
+
+
+def parts_of(model: pin.Model, joint: int, target: str) -> tuple[WrittenJoint, ...]:
+    """Return the parts that a joint is made of."""
+    name, place = str(model.names[joint]), model.jointPlacements[joint]
+    parts = tuple(_parts(model.joints[joint], name, joint, int(model.idx_vs[joint]), target))
+    first = replace(parts[0], place=place * parts[0].place)
+    parts = (first, *parts[1:])
+    if len(parts) == 1:
+        return parts
+    return tuple(replace(part, name=f"{name}_{number}") for number, part in enumerate(parts, 1))
+
+
+def _parts(joint_model: Any, name: str, joint: int, v: int, target: str) -> Iterator[WrittenJoint]:
+    short, nothing = str(joint_model.shortname()), pin.SE3.Identity()
+    count = int(joint_model.nv)
+    rates = tuple(range(v, v + count))
+    if short == "JointModelFreeFlyer":
+        yield WrittenJoint(name, joint, "free", np.zeros(3), nothing, rates, True)
+    elif short == "JointModelSpherical":
+        yield WrittenJoint(name, joint, "ball", np.zeros(3), nothing, rates)
+    elif short == _COMPOSITE:
+        whole = joint_model.extract()
+        for inner, place in zip(whole.joints, whole.jointPlacements, strict=True):
+            for part in _parts(inner, name, joint, v, target):
+                yield replace(part, place=place * part.place)
+                place = nothing  # noqa: PLW2901 - further parts of the same joint are where the first is
+            v += int(inner.nv)
+    elif short == "JointModelPlanar" or (short.startswith(KNOWN) and "Mimic" not in short):
+        for column, rate in zip(_subspace(joint_model).T, rates, strict=True):
+            sliding = bool(column[:3].any())
+            axis = column[:3] if sliding else column[3:]
+            kind = "slide" if sliding else "hinge"
+            yield WrittenJoint(
+                name, joint, kind, axis, nothing, (rate,), sliding and short == "JointModelPlanar"
+            )
+    else:
+        raise ModelError(f"{target}: the joint {shown(name)} is a {short}, which it does not know")
+
+
+def _subspace(joint_model: Any) -> FloatArray:
+    """Return the motions (6, nv) of a joint at zero, in its own axes: linear, angular."""
+    model = pin.Model()
+    model.addJoint(0, joint_model, pin.SE3.Identity(), "joint")
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    return np.array(pin.getJointJacobian(model, data, 1, pin.LOCAL)).reshape(6, -1)
+
+
+def values_of(parts: Sequence[WrittenJoint], model: pin.Model, q: FloatArray) -> list[FloatArray]:
+    """Return the values of the parts of a joint in MuJoCo's order: quaternions begin with their scalar."""
+    joint = parts[0].joint
+    left = list(q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]])
+    sizes = _sizes(model.joints[joint])
+    found = []
+    for part, size in zip(parts, sizes, strict=True):
+        values, left = np.array(left[:size]), left[size:]
+        if part.kind == "free":
+            place = part.place * pin.SE3(pin.Quaternion(values[3:]).normalized().matrix(), values[:3])
+            turn = pin.Quaternion(place.rotation).coeffs()
+            found.append(np.array([*place.translation, turn[3], *turn[:3]]))
+        elif part.kind == "ball":
+            found.append(np.array([values[3], *values[:3]]))
+        else:
+            found.append(np.array([np.arctan2(values[1], values[0])]) if size == 2 else values)
+    return found
+
+
+def _sizes(joint_model: Any) -> list[int]:
+    """Return how many numbers of the configuration each part of a joint has."""
+    short = str(joint_model.shortname())
+    if short == _COMPOSITE:
+        return [size for inner in joint_model.extract().joints for size in _sizes(inner)]
+    if short == "JointModelPlanar":
+        return [1, 1, 2]
+    nq, nv = int(joint_model.nq), int(joint_model.nv)
+    return [nq] if nq != nv else [1] * nq
+
+
+LEAST = 2e-15  # mass [kg], moments of inertia [kg m²] of what has none: the least of MuJoCo is 1e-15
+_UNNOTICED = 1e-12  # of the largest entry of the mass matrix, what it may add
+_PARALLEL = 1e-12  # sine of the angle between parallel axes
+_MOST = 6  # degrees of freedom that a body can have from the one before it
 
 
 @dataclass
 class Body:
-    """A body and the joints that lead to it.
+    """A body and the joints that lead to it."""
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    joint : int
-        The last joint, which it hangs on, and whose axes are its own.
-    parent : int
-        The joint of the body before it; 0 for the world.
-    parts : tuple of Part
-        The joints.
-    inertia : pin.Inertia
-        Its inertia, in the axes of its last joint.
-    """
-
-    name: str
-    joint: int
-    parent: int
-    parts: tuple[Part, ...]
-    inertia: Any
+    name: str  # its name
+    joint: int  # the last joint, which it hangs on, and whose axes are its own
+    parent: int  # the joint of the body before it; 0 for the world
+    parts: tuple[WrittenJoint, ...]  # the joints
+    inertia: Any  # its inertia, in the axes of its last joint
 
     @property
     def place(self) -> pin.SE3:
@@ -55,7 +142,7 @@ class Body:
             place = place * part.place
         return place
 
-    def seen(self) -> list[tuple[Part, pin.SE3]]:
+    def seen(self) -> list[tuple[WrittenJoint, pin.SE3]]:
         """Return the joints with where they are at zero, in the axes of the body."""
         found = [(self.parts[-1], pin.SE3.Identity())]
         for part, behind in zip(self.parts[-2::-1], self.parts[:0:-1], strict=True):
@@ -64,29 +151,7 @@ class Body:
 
 
 def bodies_of(model: pin.Model, held: Collection[int], tendons: Collection[int], target: str) -> list[Body]:
-    """Return the bodies of a tree, every one after the one it hangs on.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    held : collection of int
-        Joints whose bodies something else is fixed to.
-    tendons : collection of int
-        Joints that are written otherwise.
-    target : str
-        What is written, for the error.
-
-    Returns
-    -------
-    list of Body
-        Without mass are those that cannot be joined with the next one: see `with_least`.
-
-    Raises
-    ------
-    ModelError
-        If a joint is of a type that cannot be written, or nothing with mass hangs on it.
-    """
+    """Return the bodies of a tree, each after its parent; without mass those not joined: `with_least`."""
     children: dict[int, list[int]] = {i: [] for i in range(model.njoints)}
     for i in range(1, model.njoints):
         children[int(model.parents[i])].append(i)
@@ -94,7 +159,7 @@ def bodies_of(model: pin.Model, held: Collection[int], tendons: Collection[int],
     for i in range(model.njoints - 1, 0, -1):
         weighs[int(model.parents[i])] |= weighs[i]
     found: list[Body] = []
-    waiting: dict[int, tuple[int, tuple[Part, ...]]] = {}
+    waiting: dict[int, tuple[int, tuple[WrittenJoint, ...]]] = {}
     for i in range(1, model.njoints):
         if i in tendons:
             continue
@@ -115,7 +180,7 @@ def bodies_of(model: pin.Model, held: Collection[int], tendons: Collection[int],
     return found
 
 
-def _fit(parts: tuple[Part, ...]) -> bool:
+def _fit(parts: tuple[WrittenJoint, ...]) -> bool:
     """Whether joints can be those of one body."""
     kinds = [part.kind for part in parts]
     if "free" in kinds or kinds.count("ball") > 1 or ("ball" in kinds and "hinge" in kinds):
@@ -124,37 +189,12 @@ def _fit(parts: tuple[Part, ...]) -> bool:
 
 
 def has_mass(inertia: Any) -> bool:
-    """Whether an inertia has a mass or moments.
-
-    Parameters
-    ----------
-    inertia : pin.Inertia
-        The inertia.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether an inertia has a mass or moments."""
     return bool(inertia.mass > 0 or np.any(inertia.inertia))
 
 
 def with_least(model: pin.Model, bodies: list[Body], target: str) -> None:
-    """Give bodies the least mass and moments of inertia that MuJoCo takes, where they have less.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    bodies : list of Body
-        The bodies, which change.
-    target : str
-        What is written, for the error.
-
-    Raises
-    ------
-    ModelError
-        If the robot is so light that this is noticed, or an inertia is of no rigid body.
-    """
+    """Give bodies the least mass and moments of inertia that MuJoCo takes, where they have less."""
     data = model.createData()
     largest = float(np.abs(pin.crba(model, data, pin.neutral(model))).max(initial=0.0))
     directions = _directions(bodies)
@@ -196,10 +236,7 @@ def with_least(model: pin.Model, bodies: list[Body], target: str) -> None:
 
 
 def _directions(bodies: list[Body]) -> dict[int, FloatArray | None]:
-    """Return the only direction (3,) about which a body can turn, in its own axes; zero if it cannot turn.
-
-    None for one that can turn otherwise too. Moments of inertia across that direction have no effect.
-    """
+    """Return the only axis (3,) a body can turn about; zero for none, None if more; inertia across idles."""
     found: dict[int, FloatArray | None] = {0: np.zeros(3)}
     for body in bodies:
         before = found[body.parent]
@@ -218,21 +255,55 @@ def _directions(bodies: list[Body]) -> dict[int, FloatArray | None]:
 
 
 def principal(inertia: Any) -> tuple[FloatArray, FloatArray]:
-    """Return the principal moments of an inertia, the smallest first, and their axes as columns (3, 3).
-
-    Parameters
-    ----------
-    inertia : pin.Inertia
-        The inertia.
-
-    Returns
-    -------
-    moments : (3,) array
-    axes : (3, 3) array
-        A rotation matrix; the identity where the inertia is diagonal and in this order.
-    """
+    """Return the principal moments of an inertia, the smallest first, and their axes as columns (3, 3)."""
     matrix = np.array(inertia.inertia)
     moments, axes = np.linalg.eigh((matrix + matrix.T) / 2)
     if np.linalg.det(axes) < 0:
         axes = -axes
     return moments, axes
+
+
+End: TypeAlias = tuple[int, pin.SE3]  # a joint, and where on its body a frame is
+
+
+def frame_ends(loop: LoopModel) -> list[tuple[End, End]]:
+    """Return where the two frames of every closure are."""
+    ends = LoopKinematics(loop.model, loop.sidecar).ends
+    return [((int(one), at), (int(two), there)) for one, at, two, there in ends]
+
+
+def closed_configuration(loop: LoopModel, target: str) -> FloatArray:
+    """Return the reference configuration with closed loops; (nq,)."""
+    try:
+        return loop.assemble().q
+    except AssemblyError as error:
+        message = f"{target}: the loops are open in what is written: {one_line(str(error))}"
+        warnings.warn(message, ModelWarning, stacklevel=5)
+        return loop.reference
+
+
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+class Names:
+    """The names of one scope."""
+
+    def __init__(self, target: str, taken: Iterable[str] = ()) -> None:
+        self._target, self._taken = target, set(taken)
+
+    def own(self, name: str) -> str:
+        """Enter a name of the robot and return it."""
+        if not name or _NO_XML.search(name):
+            raise ModelError(f"{self._target}: the name {shown(name)} cannot be written in XML")
+        if name in self._taken:
+            raise ModelError(f"{self._target}: the name {shown(name)} is there twice")
+        self._taken.add(name)
+        return name
+
+    def new(self, name: str) -> str:
+        """Return a name that is not used yet, one that is given if possible."""
+        name = _NO_XML.sub("_", name) or "_"
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return name

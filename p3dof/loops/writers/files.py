@@ -20,29 +20,7 @@ def contents(
     path: str | os.PathLike[str],
     format: str | None = None,  # noqa: A002 - as everywhere
 ) -> dict[Path, str]:
-    """Return what to write into which file.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    path : path-like
-        The file.
-    format : str, optional
-        A key of `SUFFIX`; by default what the name ends in.
-
-    Returns
-    -------
-    dict of Path to str
-        The sidecar of a URDF is the second file.
-
-    Raises
-    ------
-    InputError
-        If there is no such format, or the name of the file ends otherwise.
-    ModelError
-        If the robot has something that the format cannot hold.
-    """
+    """Return what to write into which file; the sidecar of a URDF is the second file."""
     if format is not None and format not in SUFFIX:
         raise InputError(f"format: expected one of {', '.join(SUFFIX)}, got {shown(format)}")
     suffix, file = suffix_of(path, "robot"), Path(path)

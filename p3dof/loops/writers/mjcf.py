@@ -1,8 +1,21 @@
-"""Any robot written as MJCF: tree, closures, couplings, motors and the reference configuration."""
+"""Any robot written as MJCF: tree, closures, couplings, motors and the reference configuration.
+
+Closures as equalities of MuJoCo, each with the same free motions, exactly.
+
+MuJoCo ties points (``connect``), frames (``weld``), values of joints, and lengths of tendons. A hinge is two
+points on its axis. A rod is a tendon of a fixed length; the axes of a universal joint are perpendicular where
+a tendon between a point on each, both as far from where they meet, is as long as the longest side of a
+triangle with a right angle. What slides has no such word: a slider, a cylindrical and a planar joint get a
+carriage, a body that moves on one of the two bodies as the closure lets it, and is welded to the other.
+It takes a part of the mass of that body, with which it moves as one: closed, nothing changes.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from graphlib import TopologicalSorter
 from typing import Any
 from xml.etree import ElementTree as Xml
 
@@ -11,20 +24,262 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError, ModelWarning
-from p3dof._base.markup import document, numbers, sub
-from p3dof._base.markup.mjcf import option, stiff_equalities
-from p3dof.loops.joint_data import JointData
+from p3dof._base.markup import document, mujoco, numbers, sub
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.writers.bodies import Body, bodies_of, principal, with_least
-from p3dof.loops.writers.chains import Part, values_of
-from p3dof.loops.writers.frames import closed_configuration, frame_ends
-from p3dof.loops.writers.mjcf_loops import Carriage, LoopWriter, carriages_of
-from p3dof.loops.writers.mjcf_tendons import tendon_joints, turned, write_tendons
-from p3dof.loops.writers.names import Names
+from p3dof.loops.sidecar import Closure, Coupling, JointData
+from p3dof.loops.writers.bodies import (
+    Body,
+    End,
+    Names,
+    WrittenJoint,
+    bodies_of,
+    closed_configuration,
+    frame_ends,
+    has_mass,
+    principal,
+    values_of,
+    with_least,
+)
+
+_X, _Y, _Z = np.eye(3)
+_SLIDING = {
+    "slider": (("slide", _Z),),
+    "cylindrical": (("slide", _Z), ("hinge", _Z)),
+    "planar": (("slide", _X), ("slide", _Y), ("hinge", _Z)),
+}
+"""What a carriage can do, by the kind of closure."""
+
+
+@dataclass
+class Carriage:
+    """A body between those of a closure."""
+
+    name: str  # its name
+    closure: int  # the closure that it stands for
+    on: int  # the joint whose body it slides on, and where
+    place: pin.SE3
+    with_: int  # the joint whose body it is welded to, and where
+    seat: pin.SE3
+    joints: list[tuple[str, str, FloatArray]] = field(default_factory=list)
+    """(3,): its joints: names, kinds and axes."""
+    inertia: Any = None  # its inertia, in its own axes
+    site: str = ""  # the site at its origin, once that is written
+
+    def values(self, places: Sequence[pin.SE3]) -> list[FloatArray]:
+        """Return the values of its joints where the joints of the tree have these placements."""
+        between = (places[self.on] * self.place).actInv(places[self.with_] * self.seat)
+        x, y, z = between.translation
+        turn = float(np.arctan2(between.rotation[1, 0], between.rotation[0, 0]))
+        found = {"slide": {"x": x, "y": y, "z": z}, "hinge": {"z": turn}}
+        return [np.array([found[kind]["xyz"[int(np.argmax(axis))]]]) for _, kind, axis in self.joints]
+
+
+def carriages_of(
+    closures: Sequence[Closure], ends: Sequence[tuple[End, End]], bodies: Sequence[Body], names: Names
+) -> list[Carriage]:
+    """Return the carriages of closures that slide; the bodies that they are welded to get lighter."""
+    by_joint = {body.joint: body for body in bodies if has_mass(body.inertia)}
+    found = []
+    for number, (closure, (one, two)) in enumerate(zip(closures, ends, strict=True)):
+        if closure.kind not in _SLIDING:
+            continue
+        (on, place), (with_, seat) = (one, two) if two[0] in by_joint else (two, one)
+        if with_ not in by_joint:
+            raise ModelError(
+                f"MJCF: the closure {shown(closure.name)} is a {closure.kind}, which MuJoCo has between "
+                "bodies with a mass only"
+            )
+        name = f"{closure.frame1}_{closure.frame2}_{closure.kind}"
+        carriage = Carriage(name, number, on, place, with_, seat)
+        for kind, axis in _SLIDING[closure.kind]:
+            carriage.joints.append((names.new(f"{name}_{'xyz'[int(np.argmax(axis))]}_{kind}"), kind, axis))
+        found.append(carriage)
+    for joint in dict.fromkeys(carriage.with_ for carriage in found):
+        riding = [carriage for carriage in found if carriage.with_ == joint]
+        whole, share = by_joint[joint].inertia, 1.0 / (len(riding) + 1)
+        part = pin.Inertia(share * whole.mass, whole.lever, share * whole.inertia)
+        by_joint[joint].inertia = part
+        for carriage in riding:
+            carriage.inertia = carriage.seat.actInv(part)
+    return found
+
+
+class LoopWriter:
+    """Writes closures; `site` writes a site, given joint, placement and name, and returns its name."""
+
+    def __init__(
+        self,
+        loop: LoopModel,
+        ends: Sequence[tuple[End, End]],
+        site: Callable[[int, pin.SE3, str], str],
+        names: Names,
+        tendons: Xml.Element,
+        equalities: Xml.Element,
+    ) -> None:
+        self._ends, self._closures, self._new = ends, loop.sidecar.closures, site
+        self._names, self._tendons, self._equalities = names, tendons, equalities
+        data = loop.model.createData()
+        pin.forwardKinematics(loop.model, data, pin.neutral(loop.model))
+        self._zero = [place.copy() for place in data.oMi]
+        spans = [np.linalg.norm(place.translation) for place in loop.model.jointPlacements]
+        self._arm = float(max(spans)) or 1.0
+
+    def write(self, carriages: Sequence[Carriage]) -> None:
+        """Write all closures, those that slide by their carriages."""
+        riding = {carriage.closure: carriage for carriage in carriages}
+        for number, (closure, ends) in enumerate(zip(self._closures, self._ends, strict=True)):
+            frames = closure.frame1, closure.frame2
+            sites = [self._new(*end, name) for end, name in zip(ends, frames, strict=True)]
+            name = self._names.new("_".join(frames))
+            if number in riding:
+                carriage = riding[number]
+                seat = sites[1] if carriage.with_ == ends[1][0] else sites[0]
+                self._equality("weld", name, carriage.site, seat)
+            elif closure.kind == "6d":
+                self._equality("weld", name, *sites)
+            elif closure.kind == "distance":
+                self._tendon(name, sites, ends, float(closure.length or 0.0))
+            else:
+                self._equality("connect", name, *sites)
+                if closure.kind == "hinge":
+                    self._equality(
+                        "connect", self._names.new(f"{name}_axis"), *self._shifted(ends, name, _Z, _Z)[0]
+                    )
+                elif closure.kind == "universal":
+                    axes = self._names.new(f"{name}_axes")
+                    self._tendon(axes, *self._shifted(ends, name, _X, _Y), np.sqrt(2.0) * self._arm)
+
+    def _shifted(
+        self, ends: tuple[End, End], name: str, axis1: FloatArray, axis2: FloatArray
+    ) -> tuple[list[str], tuple[End, End]]:
+        """Return sites on axes of both frames, as far from their origins, and where they are."""
+        moved = []
+        for (joint, place), axis in zip(ends, (axis1, axis2), strict=True):
+            moved.append((joint, place * pin.SE3(np.eye(3), self._arm * axis)))
+        sites = [self._new(*end, f"{name}_axis_{number}") for number, end in enumerate(moved, 1)]
+        return sites, (moved[0], moved[1])
+
+    def _equality(self, kind: str, name: str, site1: str, site2: str) -> None:
+        sub(self._equalities, kind, name=name, site1=site1, site2=site2)
+
+    def _tendon(self, name: str, sites: Sequence[str], ends: tuple[End, End], length: float) -> None:
+        """Write a straight tendon of a fixed length: MuJoCo counts from what it has at zero."""
+        tendon = sub(self._tendons, "spatial", name=name)
+        for site in sites:
+            sub(tendon, "site", site=site)
+        one, two = ((self._zero[joint] * place).translation for joint, place in ends)
+        more = length - float(np.linalg.norm(one - two))
+        sub(
+            self._equalities,
+            "tendon",
+            name=name,
+            tendon1=name,
+            polycoef=numbers(more, 0, 0, 0, 0, exact=True),
+        )
+
+
+_SIMPLE = ("JointModelP", "JointModelR")  # beginnings of the names of slides and hinges
+_LINEAR = 2  # coefficients of a polynomial of degree one
+
+
+@dataclass(frozen=True)
+class TendonJoint:
+    """A joint without mass that is the length of a tendon; the motor on it pulls at the joints it follows."""
+
+    name: str  # the joint, and the tendon
+    joint: int  # its index
+    coupling: Coupling  # what it follows
+
+
+def tendon_joints(loop: LoopModel) -> list[TendonJoint]:
+    """Return the joints of a robot that are lengths of fixed tendons."""
+    model, found = loop.model, []
+    leaders = {leader for coupling in loop.sidecar.couplings for leader in coupling.leaders}
+    occupied = {int(frame.parentJoint) for frame in model.frames if frame.name not in set(model.names)}
+    occupied |= {int(parent) for parent in list(model.parents)[1:]}
+    for coupling in loop.sidecar.couplings:
+        i = model.getJointId(coupling.joint)
+        inertia, c = model.inertias[i], coupling.coefficients
+        fixed = str(model.joints[i].shortname()).startswith(_SIMPLE) and model.nqs[i] == model.nvs[i] == 1
+        empty = not (inertia.mass or np.any(inertia.inertia)) and i not in occupied and model.parents[i] == 0
+        linear = len(c) == _LINEAR and c[0] == 0.0 and coupling.on is not None
+        if fixed and empty and linear and coupling.joint not in leaders:
+            found.append(TendonJoint(coupling.joint, i, coupling))
+    return found
+
+
+def write_tendons(
+    loop: LoopModel,
+    joints: Sequence[TendonJoint],
+    data: Mapping[str, JointData],
+    names: Names,
+    tendons: Xml.Element,
+    equalities: Xml.Element,
+) -> None:
+    """Write tendons that are joints, and couplings."""
+    for joint in joints:
+        entry = data.get(joint.name, JointData(joint.name))
+        armature = float(loop.model.armature[loop.model.idx_vs[joint.joint]])
+        values = {"damping": entry.damping, "frictionloss": entry.friction, "armature": armature}
+        if entry.stiffness:
+            values |= {"stiffness": entry.stiffness, "springlength": float(np.asarray(entry.rest))}
+        acting = {
+            key: numbers(value, exact=True) for key, value in values.items() if value or key == "springlength"
+        }
+        _fixed(
+            tendons,
+            joint.name,
+            [(str(joint.coupling.on), joint.coupling.coefficients[1]), *joint.coupling.others],
+            acting,
+        )
+    written = {joint.name for joint in joints}
+    for coupling in loop.sidecar.couplings:
+        if coupling.joint not in written:
+            _coupling(coupling, names, tendons, equalities)
+
+
+def _coupling(coupling: Coupling, names: Names, tendons: Xml.Element, equalities: Xml.Element) -> None:
+    name = names.new(coupling.name or coupling.joint)
+    coefficients = numbers(*(coupling.coefficients + (0.0,) * 5)[:5], exact=True)
+    if not coupling.others:
+        on = {} if coupling.on is None else {"joint2": coupling.on}
+        sub(equalities, "joint", name=name, joint1=coupling.joint, **on, polycoef=coefficients)
+        return
+    _fixed(tendons, name, [(coupling.joint, 1.0), *((other, -factor) for other, factor in coupling.others)])
+    on = {}
+    if coupling.on is not None:
+        on["tendon2"] = names.new(f"{name}_on")
+        _fixed(tendons, on["tendon2"], [(coupling.on, 1.0)])
+    sub(equalities, "tendon", name=name, tendon1=name, **on, polycoef=coefficients)
+
+
+def _fixed(
+    tendons: Xml.Element,
+    name: str,
+    joints: Sequence[tuple[str, float]],
+    acting: Mapping[str, str] | None = None,
+) -> None:
+    tendon = sub(tendons, "fixed", name=name, **(acting or {}))
+    for joint, factor in joints:
+        sub(tendon, "joint", joint=joint, coef=numbers(factor, exact=True))
+
+
+def turned(couplings: Sequence[Coupling], values: dict[str, FloatArray], circles: Collection[str]) -> None:
+    """Count the turns of continuous joints that follow others: MuJoCo does."""
+    left = {coupling.joint: coupling.leaders for coupling in couplings}
+    by_joint = {coupling.joint: coupling for coupling in couplings}
+    for joint in TopologicalSorter(left).static_order():
+        if joint in by_joint and joint in circles:
+            coupling = by_joint[joint]
+            on = 0.0 if coupling.on is None else values[coupling.on][0]
+            follows = np.polynomial.polynomial.polyval(on, coupling.coefficients)
+            follows += sum(factor * values[other][0] for other, factor in coupling.others)
+            whole = 2.0 * np.pi * np.round((follows - values[joint]) / (2.0 * np.pi))
+            values[joint] = values[joint] + whole
+
 
 _MJCF = "MJCF"
-_UNLIMITED = 1e12
-"""What is written for a limit on one side only [m or rad]."""
+_UNLIMITED = 1e12  # what is written for a limit on one side only [m or rad]
 _FREE = ("slide", "slide", "slide", "ball")
 
 
@@ -37,37 +292,12 @@ def text(loop: LoopModel) -> str:
     ``connect``; rods, and the right angle of universal joints, are tendons of a fixed length; sliders,
     cylindrical and planar joints get a carriage, see `mjcf_loops`. The keyframe ``reference`` has closed
     loops. Not in the file are speed limits, for which MJCF has no word, and shapes.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If the robot has something that MJCF cannot hold; the message names it.
-
-    Warns
-    -----
-    ModelWarning
-        If limits are left out that are none, or a spring will count the turns of a continuous joint.
     """
-    return _Writer(loop).text()
+    return _MjcfWriter(loop).text()
 
 
-class _Writer:
-    """Writes one robot.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    """
+class _MjcfWriter:
+    """Writes one robot."""
 
     def __init__(self, loop: LoopModel) -> None:
         self._loop, self._model = loop, loop.model
@@ -91,10 +321,8 @@ class _Writer:
 
     def text(self) -> str:
         """Return the file."""
-        root = Xml.Element("mujoco", model=Names(_MJCF).new(str(self._model.name) or "robot"))
-        sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-        option(root, np.array(self._model.gravity.linear))
-        stiff_equalities(root)
+        name = Names(_MJCF).new(str(self._model.name) or "robot")
+        root, _ = mujoco(name, np.array(self._model.gravity.linear))
         self._elements[0] = sub(root, "worldbody")
         self._name_bodies()
         for body in self._list:
@@ -114,7 +342,7 @@ class _Writer:
             warnings.warn(message + more, ModelWarning, stacklevel=4)
         self._actuators(root)
         self._keyframe(root)
-        return document(root, f"{root.get('model')}, written by p3dof.")
+        return document(root, f"{name}, written by p3dof.")
 
     def _name_bodies(self) -> None:
         """Give bodies the names of the frames that are theirs."""
@@ -139,7 +367,7 @@ class _Writer:
                 self._joint(element, part, at)
         _inertial(element, body.inertia)
 
-    def _joint(self, element: Xml.Element, part: Part, at: pin.SE3) -> None:
+    def _joint(self, element: Xml.Element, part: WrittenJoint, at: pin.SE3) -> None:
         shape = (
             {} if part.kind in ("ball", "free") else {"axis": numbers(at.rotation @ part.axis, exact=True)}
         )
@@ -155,7 +383,7 @@ class _Writer:
             **self._limits(part),
         )
 
-    def _loose(self, element: Xml.Element, part: Part) -> None:
+    def _loose(self, element: Xml.Element, part: WrittenJoint) -> None:
         """Write a free joint between two bodies: MuJoCo has them to the world only."""
         if np.any(np.asarray(self._model.armature)[list(part.v)]):
             raise ModelError(
@@ -174,7 +402,7 @@ class _Writer:
             axis = {"axis": numbers(np.eye(3)[number])} if kind == "slide" else {}
             sub(element, "joint", name=name, type=kind, **axis, **damping)
 
-    def _acting(self, part: Part) -> dict[str, str]:
+    def _acting(self, part: WrittenJoint) -> dict[str, str]:
         """Return the rotor, spring, damping and friction of a joint as attributes."""
         model, name = self._model, str(self._model.names[part.joint])
         data = self._data.get(name, JointData(name))
@@ -203,7 +431,7 @@ class _Writer:
             )
         return {key: numbers(value, exact=True) for key, value in values.items() if value}
 
-    def _limits(self, part: Part) -> dict[str, str]:
+    def _limits(self, part: WrittenJoint) -> dict[str, str]:
         model, joint = self._model, part.joint
         found = {}
         if model.nvs[joint] == 1:
@@ -222,10 +450,7 @@ class _Writer:
 
     def _carriage(self, carriage: Carriage) -> None:
         element = sub(
-            self._elements[carriage.on],
-            "body",
-            name=self._bodies.new(carriage.name),
-            **_pose(carriage.place),
+            self._elements[carriage.on], "body", name=self._bodies.new(carriage.name), **_pose(carriage.place)
         )
         for name, kind, axis in carriage.joints:
             sub(element, "joint", name=name, type=kind, axis=numbers(axis))

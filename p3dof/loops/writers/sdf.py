@@ -16,14 +16,29 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError
-from p3dof._base.markup import document, moments, numbers, roll_pitch_yaw, sub
-from p3dof._base.markup.sdf import VERSION, check_names, joint_between
-from p3dof.loops.joint_data import JointData
+from p3dof._base.markup import (
+    VERSION,
+    check_names,
+    document,
+    inertial,
+    joint_between,
+    numbers,
+    roll_pitch_yaw,
+    sub,
+)
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.writers.bodies import Body, bodies_of, with_least
-from p3dof.loops.writers.chains import Part, values_of
-from p3dof.loops.writers.frames import End, closed_configuration, frame_ends
-from p3dof.loops.writers.names import Names
+from p3dof.loops.sidecar import JointData
+from p3dof.loops.writers.bodies import (
+    Body,
+    End,
+    Names,
+    WrittenJoint,
+    bodies_of,
+    closed_configuration,
+    frame_ends,
+    values_of,
+    with_least,
+)
 
 _SDF = "SDF"
 _KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball"}
@@ -42,8 +57,7 @@ _POINTS: dict[str, tuple[FloatArray, ...]] = {
     "6d": (np.zeros(3), _X, _Y),
 }
 """Kinds of closure, and the points that coincide in them."""
-_MIMIC_VERSION = "1.11"
-"""Of SDF: the first that has mimic joints."""
+_MIMIC_VERSION = "1.11"  # of SDF: the first that has mimic joints
 _LINEAR = 2
 
 
@@ -53,34 +67,11 @@ def text(loop: LoopModel, drake: bool = False) -> str:
     Joints keep their names; links have those of bodies, or new ones where a joint has the name already. A
     joint of several freedoms that SDF does not have becomes several, with links of next to no mass between.
     Shapes are not written; gravity is that of the world.
-
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-    drake : bool
-        Write closures as Drake's ball constraints (points, hinges and frames), couplings as its mimic
-        joints, rotors as its rotor inertia. Else closures are joints (points, frames, hinges, sliders,
-        universal joints), and couplings the mimic joints of SDF 1.11.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If the robot has something that SDF cannot hold; the message names it.
-
-    Warns
-    -----
-    ModelWarning
-        If the loops do not close.
     """
-    return _Writer(loop, drake).text()
+    return _SdfWriter(loop, drake).text()
 
 
-class _Writer:
+class _SdfWriter:
     """Writes one robot."""
 
     def __init__(self, loop: LoopModel, drake: bool) -> None:
@@ -147,7 +138,7 @@ class _Writer:
             self._links[body.joint] = self._names.new(name)
         self._own = {own[joint] for joint in self._links if joint in own}
 
-    def _place(self, part: Part) -> pin.SE3:
+    def _place(self, part: WrittenJoint) -> pin.SE3:
         """Return where a joint is at the zero of the file, in the axes of the link before it."""
         value = self._values[part.name]
         if part.kind == "free":
@@ -172,14 +163,15 @@ class _Writer:
             _pose(link, self._place(part), "__model__")
         else:
             _pose(link, pin.SE3.Identity(), part.name)
-        _inertial(link, body.inertia)
+        Y = body.inertia
+        inertial(link, float(Y.mass), Y.lever, np.array(Y.inertia), exact=True)
 
     def _anchor(self, model: Xml.Element) -> None:
         """Write a link that is the world: Drake ties links only."""
         self._links[0] = name = self._names.new("world_link")
         link = sub(model, "link", name=name)
         _pose(link, pin.SE3.Identity(), "__model__")
-        _inertial(link, pin.Inertia(1.0, np.zeros(3), np.eye(3)))
+        inertial(link, 1.0, np.zeros(3), np.eye(3))
         joint_between(model, self._names.new("world_fixed"), "fixed", "world", name)
 
     def _joint(self, model: Xml.Element, body: Body) -> None:
@@ -211,7 +203,7 @@ class _Writer:
             sub(element, "drake:rotor_inertia", numbers(rotor[0], exact=True))
             sub(element, "drake:gear_ratio", "1")
 
-    def _limits(self, axis: Xml.Element, part: Part) -> None:
+    def _limits(self, axis: Xml.Element, part: WrittenJoint) -> None:
         model, limit = self._model, sub(axis, "limit")
         joint, actuated = part.joint, part.name in self._loop.actuated
         if model.nvs[joint] == 1 and model.nqs[joint] == 1:
@@ -229,7 +221,7 @@ class _Writer:
         elif 0 < effort < np.inf:
             sub(limit, "effort", numbers(effort, exact=True))
 
-    def _dynamics(self, axis: Xml.Element, part: Part, data: JointData) -> None:
+    def _dynamics(self, axis: Xml.Element, part: WrittenJoint, data: JointData) -> None:
         values = {"damping": data.damping, "friction": data.friction}
         if data.stiffness:
             at: Any = data.rest  # a number, of a joint with one degree of freedom
@@ -244,7 +236,7 @@ class _Writer:
             for name, value in values.items():
                 sub(dynamics, name, numbers(value, exact=True))
 
-    def _mimic(self, element: Xml.Element, axis: Xml.Element, part: Part) -> None:
+    def _mimic(self, element: Xml.Element, axis: Xml.Element, part: WrittenJoint) -> None:
         coupling = next((c for c in self._loop.sidecar.couplings if c.joint == part.name), None)
         if coupling is None:
             return
@@ -341,12 +333,3 @@ def _clean(name: str) -> str:
 def _pose(parent: Xml.Element, place: pin.SE3, frame: str) -> None:
     values = numbers(place.translation, roll_pitch_yaw(place.rotation), exact=True)
     sub(parent, "pose", values, relative_to=frame)
-
-
-def _inertial(link: Xml.Element, inertia: Any) -> None:
-    element = sub(link, "inertial")
-    sub(element, "pose", numbers(inertia.lever, np.zeros(3), exact=True))
-    sub(element, "mass", numbers(float(inertia.mass), exact=True))
-    entries = sub(element, "inertia")
-    for name, value in moments(np.array(inertia.inertia)).items():
-        sub(entries, name, numbers(value, exact=True))

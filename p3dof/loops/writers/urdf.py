@@ -12,39 +12,23 @@ import pinocchio as pin
 
 from p3dof._base.checks import shown
 from p3dof._base.errors import ModelError
-from p3dof.loops.joint_data import JointData
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.sidecar import Sidecar
+from p3dof.loops.sidecar import JointData, Sidecar
 
-_UNLIMITED = 1e12
-"""What is written for a limit that is infinite: URDF has no word for it [SI]."""
-_GRAVITY = (0.0, 0.0, -9.81)
-"""What a URDF is read with [m/s²]."""
+_UNLIMITED = 1e12  # what is written for a limit that is infinite: URDF has no word for it [SI]
+_GRAVITY = (0.0, 0.0, -9.81)  # what a URDF is read with [m/s²]
 _WHOLE = {"JointModelFreeFlyer": "floating", "JointModelPlanar": "planar"}
 
 
 def texts(loop: LoopModel) -> tuple[str, str]:
     """Return a robot as URDF and sidecar.
 
-    Parameters
-    ----------
-    loop : LoopModel
-        The robot.
-
-    Returns
-    -------
-    urdf, sidecar : str
-        What `p3dof.load_robot` reads back to a robot with the same motions and forces.
-
-    Raises
-    ------
-    ModelError
-        If it has something that neither file can hold: another gravity, joints that URDF does not know.
+    What `p3dof.load_robot` reads back to a robot with the same motions and forces.
     """
     model = loop.model
     if not np.allclose(model.gravity.vector, (*_GRAVITY, 0.0, 0.0, 0.0), rtol=0, atol=1e-12):
         raise ModelError("URDF: the gravity of the robot is not 9.81 m/s² downward, which no URDF can say")
-    writer = _Writer(model, [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)])
+    writer = _UrdfWriter(model, [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)])
     return writer.text(), _sidecar(loop, writer.balls).to_yaml()
 
 
@@ -64,16 +48,8 @@ def _sidecar(loop: LoopModel, balls: Iterable[str]) -> Sidecar:
     return replace(loop.sidecar, joints=joints, joint_data=tuple(data.values()))
 
 
-class _Writer:
-    """Writes one tree.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    needed : list of str
-        Frames that must be there again.
-    """
+class _UrdfWriter:
+    """Writes one tree."""
 
     def __init__(self, model: pin.Model, needed: list[str]) -> None:
         self._model, self._data = model, model.createData()

@@ -5,7 +5,6 @@ closures beside it; `write` and `check` keep the files of a folder up to date, i
 """
 
 from p3dof.machine.description.files import FORMATS, check, texts, write
-from p3dof.machine.description.masses import with_masses
 from p3dof.machine.description.mechanism import (
     Box,
     Closure,
@@ -21,7 +20,7 @@ from p3dof.machine.description.mechanism import (
     Solid,
     Sphere,
 )
-from p3dof.machine.description.tree import describe
+from p3dof.machine.description.tree import describe, with_masses
 from p3dof.machine.description.urdf_text import sidecar, urdf
 
 __all__ = [

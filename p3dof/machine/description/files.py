@@ -9,15 +9,11 @@ from typing import TypeAlias
 
 from p3dof._base.errors import InputError, ModelError
 from p3dof._base.files import check_generated, differences, write_generated
-from p3dof.machine.description.drake_text import drake
-from p3dof.machine.description.masses import with_masses
 from p3dof.machine.description.mechanism import Mechanism
 from p3dof.machine.description.mjcf_text import mjcf
 from p3dof.machine.description.sdf_text import sdf
-from p3dof.machine.description.srdf_text import srdf
-from p3dof.machine.description.tree import describe
-from p3dof.machine.description.urdf_plus_text import urdf_plus
-from p3dof.machine.description.urdf_text import sidecar, urdf
+from p3dof.machine.description.tree import describe, with_masses
+from p3dof.machine.description.urdf_text import drake, sidecar, srdf, urdf, urdf_plus
 from p3dof.machine.description.usd_stage import usd
 from p3dof.machine.parameters import PAPER, Parameters
 
@@ -42,30 +38,7 @@ _MARK = "ritten by p3dof:"
 
 
 def texts(parameters: Parameters, formats: Iterable[str] = ("urdf",), exact: bool = False) -> dict[str, str]:
-    """Return what the files of some formats hold.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    formats : iterable of str
-        Names in `FORMATS`.
-    exact : bool
-        Leave massless links massless, instead of giving every link a mass without a change of the dynamics
-        (see `p3dof.machine.description.masses`).
-
-    Returns
-    -------
-    dict of str to str
-        Text by file name.
-
-    Raises
-    ------
-    InputError
-        If a format is unknown.
-    ModelError
-        If a body is too light to give its massless neighbours a mass.
-    """
+    """Return what the files of some formats hold; text by file name."""
     mechanism = describe(parameters) if exact else with_masses(describe(parameters))
     result: dict[str, str] = {}
     for name in formats:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, frozen_array, positive
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive
 from p3dof._base.errors import ModelError
+from p3dof._base.markup import document as document_text
 from p3dof.machine.parameters import Body
 
 _UNIT = 1e-9
@@ -16,24 +18,12 @@ _UNIT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
-    """Where a frame is, seen from another one.
-
-    Parameters
-    ----------
-    position : array-like, shape (3,)
-        Its origin [m].
-    rotation : array-like, shape (3, 3)
-        Its axes, as columns.
-
-    Raises
-    ------
-    ModelError
-        If the columns are not a right-handed set of perpendicular unit vectors.
-    """
+class Placement(Readable):
+    """Where a frame is, seen from another one."""
 
     position: FloatArray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
-    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    """(3,): its origin [m]."""
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))  # (3, 3): its axes, as columns
 
     def __post_init__(self) -> None:
         # Adding zero turns -0 into 0: no sign of zero reaches an angle or a file.
@@ -46,7 +36,7 @@ class Placement:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Readable):
     """A box, centred on its placement.
 
     Parameters
@@ -64,15 +54,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A round bar along z, centred on its placement.
+    """A round bar along z, centred on its placement."""
 
-    Parameters
-    ----------
-    radius, length : float
-        Sizes [m].
-    """
-
-    radius: float
+    radius: float  # sizes [m]
     length: float
 
     def __post_init__(self) -> None:
@@ -82,15 +66,9 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball, centred on its placement.
+    """A ball, centred on its placement."""
 
-    Parameters
-    ----------
-    radius : float
-        Radius [m].
-    """
-
-    radius: float
+    radius: float  # radius [m]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive("radius", self.radius, ModelError))
@@ -101,83 +79,41 @@ Shape: TypeAlias = Box | Cylinder | Sphere
 
 
 @dataclass(frozen=True)
-class Colour:
-    """A named colour.
+class Colour(Readable):
+    """A named colour."""
 
-    Parameters
-    ----------
-    name : str
-        What formats that name their materials call it.
-    rgba : tuple of float
-        Red, green, blue and opacity, each from 0 to 1.
-    """
-
-    name: str
-    rgba: tuple[float, float, float, float]
+    name: str  # what formats that name their materials call it
+    rgba: tuple[float, float, float, float]  # red, green, blue and opacity, each from 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
-    """One primitive fixed to a link.
+class Solid(Readable):
+    """One primitive fixed to a link."""
 
-    Parameters
-    ----------
-    shape : Box, Cylinder or Sphere
-        Its form.
-    placement : Placement
-        Where its middle is, in the link frame.
-    colour : Colour
-        Its colour.
-    """
-
-    shape: Shape
-    placement: Placement
-    colour: Colour
+    shape: Shape  # its form
+    placement: Placement  # where its middle is, in the link frame
+    colour: Colour  # its colour
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
-    """A rigid body, or a marker frame when it has neither body nor solids.
+class Link(Readable):
+    """A rigid body, or a marker frame when it has neither body nor solids."""
 
-    Parameters
-    ----------
-    name : str
-        Unique among the links.
-    body : Body, optional
-        Mass, mass centre and inertia in the link frame; None for the base and for markers.
-    visuals, collisions : tuple of Solid
-        What is drawn, and what must not touch.
-    """
-
-    name: str
+    name: str  # unique among the links
     body: Body | None = None
-    visuals: tuple[Solid, ...] = ()
+    """Mass, mass centre and inertia in the link frame; None for the base and for markers."""
+    visuals: tuple[Solid, ...] = ()  # what is drawn, and what must not touch
     collisions: tuple[Solid, ...] = ()
 
 
 @dataclass(frozen=True)
 class JointLimits:
-    """What a joint can do.
+    """What a joint can do."""
 
-    Parameters
-    ----------
-    lower, upper : float
-        Range around home (0) [m or rad].
-    velocity : float
-        Largest speed [m/s or rad/s].
-    effort : float
-        Largest force or torque [N or N m].
-
-    Raises
-    ------
-    ModelError
-        If home lies outside, or a speed or an effort is not positive.
-    """
-
-    lower: float
+    lower: float  # range around home (0) [m or rad]
     upper: float
-    velocity: float
-    effort: float
+    velocity: float  # largest speed [m/s or rad/s]
+    effort: float  # largest force or torque [N or N m]
 
     def __post_init__(self) -> None:
         if not self.lower < 0 < self.upper:
@@ -190,62 +126,27 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class Mimic:
-    """That a joint copies another one, for readers that keep no loops.
+    """That a joint copies another one, for readers that keep no loops."""
 
-    Parameters
-    ----------
-    joint : str
-        The joint that it copies.
-    multiplier : float
-        Its position is this times that joint's.
-    """
-
-    joint: str
-    multiplier: float
+    joint: str  # the joint that it copies
+    multiplier: float  # its position is this times that joint's
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint of the tree, between two links.
+class Joint(Readable):
+    """A joint of the tree, between two links."""
 
-    Parameters
-    ----------
-    name : str
-        Unique among the joints.
-    kind : {"prismatic", "revolute", "fixed"}
-        How it moves.
-    parent, child : str
-        Links; the child's frame is the joint's frame moved by the joint.
-    placement : Placement
-        The joint's frame in the parent's.
-    axis : array-like, shape (3,), optional
-        Unit vector in the joint's frame; None for a fixed joint.
-    limits : JointLimits, optional
-        None for a fixed joint.
-    mimic : Mimic, optional
-        For a joint that always copies another one when the loops are closed.
-    armature : float
-        Inertia that its actuator adds, on which gravity does not act [kg or kg m²].
-    force, stiffness : float
-        What a balance adds along the axis at home [N or N m], and how fast that falls [N/m or N m/rad].
-
-    Raises
-    ------
-    ModelError
-        If a moving joint lacks axis or limits, a fixed one has them or an actuator, or the axis is not a unit
-        vector.
-    """
-
-    name: str
-    kind: Literal["prismatic", "revolute", "fixed"]
-    parent: str
+    name: str  # unique among the joints
+    kind: Literal["prismatic", "revolute", "fixed"]  # how it moves
+    parent: str  # links; the child's frame is the joint's frame moved by the joint
     child: str
-    placement: Placement
-    axis: FloatArray | None = None
-    limits: JointLimits | None = None
-    mimic: Mimic | None = None
-    armature: float = 0.0
+    placement: Placement  # the joint's frame in the parent's
+    axis: FloatArray | None = None  # (3,): unit vector in the joint's frame; None for a fixed joint
+    limits: JointLimits | None = None  # none for a fixed joint
+    mimic: Mimic | None = None  # for a joint that always copies another one when the loops are closed
+    armature: float = 0.0  # inertia that its actuator adds, on which gravity does not act [kg or kg m²]
     force: float = 0.0
+    """What a balance adds along the axis at home [N or N m], and how fast that falls [N/m or N m/rad]."""
     stiffness: float = 0.0
 
     @property
@@ -272,23 +173,15 @@ class Joint:
 
 @dataclass(frozen=True)
 class Closure:
-    """A loop closure: the origins of two marker frames coincide, their axes are free.
+    """A loop closure: the origins of two marker frames coincide, their axes are free."""
 
-    Parameters
-    ----------
-    name : str
-        Unique among the closures.
-    frame1, frame2 : str
-        Links, one on each side of the cut.
-    """
-
-    name: str
-    frame1: str
+    name: str  # unique among the closures
+    frame1: str  # links, one on each side of the cut
     frame2: str
 
 
 @dataclass(frozen=True, eq=False)
-class Mechanism:
+class Mechanism(Readable):
     """A tree of links with loop closures.
 
     Parameters
@@ -382,3 +275,18 @@ class Mechanism:
     def mass(self) -> float:
         """Total mass of all links but the root, which is at rest [kg]."""
         return sum(link.body.mass for link in self.links[1:] if link.body is not None)
+
+
+def require_no_drive(joint: Joint, form: str, armature: bool = False) -> None:
+    """Refuse what motor and balance add in a joint, where a format has no word for it."""
+    what = "an inertia of its motor" if joint.armature and not armature else "a balance"
+    if joint.balanced or (joint.armature and not armature):
+        raise ModelError(
+            f"{form} has no word for {what}, which {joint.name} has; MJCF and URDF with its YAML do"
+        )
+
+
+def document(root: ET.Element, mechanism: Mechanism, comment: str) -> str:
+    """Return the text of an XML file: declaration, comment, indented elements."""
+    note = f"{mechanism.name}, written by p3dof: change the parameters, not this file. {comment}"
+    return document_text(root, note)

@@ -9,10 +9,17 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import ModelError
-from p3dof._base.markup import moments, numbers, sub
-from p3dof._base.markup.mjcf import option, stiff_equalities
-from p3dof.machine.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.machine.description.xml_text import document
+from p3dof._base.markup import moments, mujoco, numbers, sub
+from p3dof.machine.description.mechanism import (
+    Box,
+    Cylinder,
+    Joint,
+    Link,
+    Mechanism,
+    Placement,
+    Solid,
+    document,
+)
 from p3dof.machine.parameters import Body
 
 _RANK = 1e-9
@@ -30,30 +37,14 @@ def mjcf(mechanism: Mechanism) -> str:
     Inertia of motors is ``armature``. A balance is the joint's spring with its ``springref``; one of constant
     force compensates as much of the gravity of the body on the joint (``gravcomp``). Both are passive forces:
     inverse dynamics counts them, and they take nothing of the motors' limits.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to write; of `with_masses`, because MuJoCo refuses a moving link without mass.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If a moving link has no mass, or a constant force in a joint does not act against gravity.
     """
     links = {link.name: link for link in mechanism.links}
     for joint in mechanism.moving:
         body = links[joint.child].body
         if body is None or body.mass == 0:
             raise ModelError(f"MJCF: expected a mass for every moving link, {joint.child!r} has none")
-    root = ET.Element("mujoco", model=mechanism.name)
-    sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    option(root, mechanism.gravity)
-    _defaults(root)
+    root, defaults = mujoco(mechanism.name, mechanism.gravity)
+    _defaults(defaults)
     _materials(root, mechanism)
     _bodies(root, mechanism, links)
     _closures(root, mechanism)
@@ -66,15 +57,7 @@ def mjcf(mechanism: Mechanism) -> str:
 def holding_forces(mechanism: Mechanism) -> FloatArray:
     """Return the actuator forces that hold a mechanism at home against gravity, besides its balances.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        The mechanism; its loops are closed at home.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Forces of the actuated joints, in their order [N or N m]; the smallest if there is a choice.
+    Forces of the actuated joints, in their order [N or N m]; the smallest if there is a choice.
     """
     places = _home(mechanism)
     above: dict[str, list[int]] = {mechanism.links[0].name: []}  # the moving joints that move a link
@@ -121,8 +104,7 @@ def _home(mechanism: Mechanism) -> dict[str, Placement]:
     return places
 
 
-def _defaults(root: ET.Element) -> None:
-    defaults = stiff_equalities(root)
+def _defaults(defaults: ET.Element) -> None:
     drawn = {"group": "2", "contype": "0", "conaffinity": "0"}
     for name, attributes in (("visual", drawn), ("collision", {"group": "3"})):
         sub(sub(defaults, "default", **{"class": name}), "geom", **attributes, mass="0")

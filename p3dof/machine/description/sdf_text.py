@@ -5,8 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from p3dof._base.errors import ModelError
-from p3dof._base.markup import moments, numbers, roll_pitch_yaw, sub
-from p3dof._base.markup.sdf import VERSION, check_names, joint_between
+from p3dof._base.markup import VERSION, check_names, inertial, joint_between, numbers, roll_pitch_yaw, sub
 from p3dof.machine.description.mechanism import (
     Box,
     Colour,
@@ -16,8 +15,9 @@ from p3dof.machine.description.mechanism import (
     Mechanism,
     Placement,
     Solid,
+    document,
+    require_no_drive,
 )
-from p3dof.machine.description.xml_text import document, require_no_drive
 from p3dof.machine.parameters import Body
 
 
@@ -27,22 +27,6 @@ def sdf(mechanism: Mechanism) -> str:
     Each loop is a joint of type ball between its two frames, whose child already has a joint. Markers are
     ``<frame>`` elements; their masses are part of the link that carries them, which moves as before. A fixed
     joint holds the root in the world. No gravity is written: in SDF the world has it, not the model.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to write.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If a link has no mass, for SDF has no massless links and takes a missing mass for 1 kg; or if a name
-        is used twice among links, joints and closures, or reserved in SDF; or if a joint has inertia of a
-        motor or a constant force, for which SDF has no word. Springs it has.
     """
     anchor = f"{mechanism.links[0].name}_fixed"
     names = [anchor, *(link.name for link in mechanism.links), *(joint.name for joint in mechanism.joints)]
@@ -115,12 +99,7 @@ def _pose(parent: ET.Element, placement: Placement, frame: str | None = None) ->
 def _link(model: ET.Element, link: Link, joint: str | None, body: Body) -> None:
     element = sub(model, "link", name=link.name)
     _pose(element, Placement(), joint)
-    inertial = sub(element, "inertial")
-    _pose(inertial, Placement(body.com))
-    sub(inertial, "mass", numbers(body.mass))
-    inertia = sub(inertial, "inertia")
-    for name, value in moments(body.inertia).items():
-        sub(inertia, name, numbers(value))
+    inertial(element, body.mass, body.com, body.inertia)
     for number, solid in enumerate(link.visuals, start=1):
         _material(_geometry(element, "visual", f"{link.name}_visual_{number}", solid), solid.colour)
     for number, solid in enumerate(link.collisions, start=1):

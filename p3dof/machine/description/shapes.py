@@ -43,18 +43,7 @@ _ALONG = {
 
 
 class Solids:
-    """Visuals and collisions of every link.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine; sizes are those of `Dimensions.scaled`.
-
-    Attributes
-    ----------
-    visuals, collisions : dict of str to tuple of Solid
-        By link name, in link frames.
-    """
+    """Visuals and collisions of every link."""
 
     def __init__(self, parameters: Parameters) -> None:
         geometry, size = parameters.geometry, Dimensions.scaled(parameters.geometry)
@@ -107,19 +96,7 @@ def trimmed(parameters: Parameters, size: Dimensions, lean: float) -> tuple[floa
     inward, sin ψ = (L-2w)/L; rods keep as far from the platform's corner as from the slider. Neither end
     takes more than .3 L: that matters only where the plate stands on edge or legs A and B lie flat over it.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    size : Dimensions
-        Sizes of its solids.
-    lean : float
-        Largest sin α: how far the rod leans along the axis of the cross-bars.
-
-    Returns
-    -------
-    start, end : float
-        Distances from the upper joint [m].
+    Distances from the upper joint [m].
     """
     geometry, edge = parameters.geometry, size.slider_edge
     L = geometry.L

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import yaml
 
 from p3dof._base.markup import moments, numbers, roll_pitch_yaw, sub
-from p3dof.machine.description.mechanism import Box, Cylinder, Joint, Link, Mechanism, Placement, Solid
-from p3dof.machine.description.xml_text import document
+from p3dof.machine.description.mechanism import (
+    Box,
+    Cylinder,
+    Joint,
+    Link,
+    Mechanism,
+    Placement,
+    Solid,
+    document,
+    require_no_drive,
+)
 
 
 def urdf(mechanism: Mechanism) -> str:
@@ -23,10 +33,6 @@ def urdf(mechanism: Mechanism) -> str:
     ----------
     mechanism : Mechanism
         What to write.
-
-    Returns
-    -------
-    str
     """
     root = urdf_tree(mechanism)
     _ros2_control(root, mechanism)
@@ -34,18 +40,7 @@ def urdf(mechanism: Mechanism) -> str:
 
 
 def urdf_tree(mechanism: Mechanism) -> ET.Element:
-    """Return links and joints as URDF elements, for the formats that add to them.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to write.
-
-    Returns
-    -------
-    Element
-        ``<robot>``.
-    """
+    """Return links and joints as URDF elements, for the formats that add to them; ``<robot>``."""
     root = ET.Element("robot", name=mechanism.name)
     colours = {
         solid.colour.name: solid.colour
@@ -106,11 +101,8 @@ def _link(root: ET.Element, link: Link) -> None:
         inertial = sub(element, "inertial")
         _origin(inertial, Placement(link.body.com))
         sub(inertial, "mass", value=numbers(link.body.mass))
-        sub(
-            inertial,
-            "inertia",
-            **{name: numbers(value) for name, value in moments(link.body.inertia).items()},
-        )
+        entries = moments(link.body.inertia).items()
+        sub(inertial, "inertia", **{name: numbers(value) for name, value in entries})
     for solid in link.visuals:
         sub(_geometry(element, "visual", solid), "material", name=solid.colour.name)
     for solid in link.collisions:
@@ -156,3 +148,137 @@ def _ros2_control(root: ET.Element, mechanism: Mechanism) -> None:
         sub(command, "param", numbers(joint.limits.effort), name="max")
         for interface in ("position", "velocity", "effort"):
             sub(element, "state_interface", name=interface)
+
+
+NAMESPACE = "http://drake.mit.edu"
+
+
+def drake(mechanism: Mechanism) -> str:
+    """Return a mechanism as URDF with Drake's own elements for the loops.
+
+    The tree is that of `urdf`, without ``<mimic>``: Drake makes coupler constraints of it, which would close
+    the parallelogram a second time. Each loop is a ``<drake:ball_constraint>`` between the origins of its two
+    frames. Drake keeps them in discrete plants only (a continuous one refuses to move), and neither its
+    inverse dynamics nor its mass matrix know of them. What a URDF has no place for is left to the reader:
+    gravity, and a weld of the root to the world. Inertia of motors is that of a rotor with a gear of 1.
+
+    References
+    ----------
+    Drake, "Parsing Models for MultibodyPlant", tag drake:ball_constraint.
+    """
+    joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
+    root = urdf_tree(replace(mechanism, joints=joints))
+    root.set("xmlns:drake", NAMESPACE)
+    for joint in mechanism.moving:
+        require_no_drive(joint, "Drake's URDF", armature=joint.name in mechanism.actuated)
+        if joint.name in mechanism.actuated:
+            _transmission(root, joint)
+    for closure in mechanism.closures:
+        element = sub(root, "drake:ball_constraint")
+        for side, point, frame in (("A", "AP", closure.frame1), ("B", "BQ", closure.frame2)):
+            sub(element, f"drake:ball_constraint_body_{side}", name=frame)
+            sub(element, f"drake:ball_constraint_p_{point}", value="0 0 0")
+    return document(root, mechanism, "For discrete plants of Drake.")
+
+
+def _transmission(root: ET.Element, joint: Joint) -> None:
+    """Make a joint an actuated one; Drake takes the largest force from the joint's limits."""
+    interface = "hardware_interface/EffortJointInterface"
+    element = sub(root, "transmission", name=f"{joint.name}_transmission")
+    sub(element, "type", "transmission_interface/SimpleTransmission")
+    sub(sub(element, "joint", name=joint.name), "hardwareInterface", interface)
+    actuator = sub(element, "actuator", name=f"{joint.name}_actuator")
+    sub(actuator, "hardwareInterface", interface)
+    sub(actuator, "mechanicalReduction", "1")
+    if joint.armature:
+        sub(actuator, "drake:rotor_inertia", value=numbers(joint.armature))
+        sub(actuator, "drake:gear_ratio", value="1")
+
+
+def urdf_plus(mechanism: Mechanism) -> str:
+    """Return a mechanism as URDF+ text: the tree as in the URDF, and a ``<loop>`` for every closure.
+
+    A loop names a predecessor and a successor link, each with the ``<origin>`` of its half of the loop joint
+    in the link's frame. Joints with ``independent="false"`` follow from the others: all but the actuated
+    ones. There is no ``<mimic>``: the loops say it. Other readers of URDF ignore both and see the plain tree.
+
+    The loops are of type ``spherical``, as the closures are: points coincide, axes are free. The paper's own
+    parser does not know that type (only revolute, continuous, prismatic, planar and fixed) and refuses the
+    file with a message. It reads the file once ``spherical`` is replaced by ``revolute``; its companion
+    library then equates the points alone, whatever the type, but takes every joint of a loop for a revolute
+    one, which would be wrong for these sliders. A reader that took ``revolute`` at its word would lock the
+    mechanism, which is why it is not written.
+
+    References
+    ----------
+    M. Chignoli, J.-J. Slotine, P. M. Wensing, S. Kim, "URDF+: An Enhanced URDF for Robots with Kinematic
+    Loops", arXiv 2411.19753. Element names, attributes and types are those that its parser reads:
+    github.com/mit-biomimetics/urdfdom, urdf_parser/src/constraint.cpp and joint.cpp at 0425417; used by
+    github.com/ROAM-Lab-ND/generalized_rbda, robot-models/four_bar.urdf at 45fa7c4.
+    """
+    joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
+    for joint in joints:
+        require_no_drive(joint, "URDF+")
+    root = urdf_tree(replace(mechanism, joints=joints))
+    passive = {joint.name for joint in mechanism.passive}
+    for element in root.iter("joint"):
+        if element.get("name") in passive:
+            element.set("independent", "false")
+    for closure in mechanism.closures:
+        loop = sub(root, "loop", name=closure.name, type="spherical")
+        for side, frame in (("predecessor", closure.frame1), ("successor", closure.frame2)):
+            marker = mechanism.markers.get(frame)
+            link, at = (marker.parent, marker.placement) if marker else (frame, Placement())
+            _origin(sub(loop, side, link=link), at)
+    return document(root, mechanism, "URDF+ (arXiv 2411.19753): the loops are at the end.")
+
+
+ALL, ACTUATORS = "mechanism", "actuators"
+"""The groups: all moving joints, and those with an actuator."""
+
+HOME = "home"
+"""The state in which every joint is at 0; all loops are closed."""
+
+
+def srdf(mechanism: Mechanism) -> str:
+    """Return the semantics of a mechanism as SRDF text, for MoveIt and Pinocchio.
+
+    Groups, the home state, the root fixed to the world, the passive joints, and the pairs of neighbours whose
+    contacts do not count: those joined by a joint or by a loop closure. SRDF knows no loops.
+
+    References
+    ----------
+    wiki.ros.org/srdf; the reader is github.com/moveit/srdfdom.
+    """
+    root = ET.Element("robot", name=mechanism.name)
+    groups = {ALL: [joint.name for joint in mechanism.moving], ACTUATORS: list(mechanism.actuated)}
+    for group, names in groups.items():
+        element = sub(root, "group", name=group)
+        for name in names:
+            sub(element, "joint", name=name)
+    state = sub(root, "group_state", name=HOME, group=ALL)
+    for joint in mechanism.moving:
+        sub(state, "joint", name=joint.name, value="0")
+    base = mechanism.links[0].name
+    sub(root, "virtual_joint", name="world_fixed", type="fixed", parent_frame="world", child_link=base)
+    for joint in mechanism.passive:
+        sub(root, "passive_joint", name=joint.name)
+    for link1, link2 in neighbours(mechanism):
+        sub(root, "disable_collisions", link1=link1, link2=link2, reason="Adjacent")
+    return document(root, mechanism, "It belongs to the .urdf beside it.")
+
+
+def neighbours(mechanism: Mechanism) -> list[tuple[str, str]]:
+    """Return the pairs of links that a joint or a closure joins, markers counted as their link.
+
+    Without repetition: joints first, then closures, each in their order.
+    """
+
+    def carrier(link: str) -> str:
+        while link in mechanism.markers:
+            link = mechanism.markers[link].parent
+        return link
+
+    joined = [(joint.parent, joint.child) for joint in mechanism.moving]
+    joined += [(closure.frame1, closure.frame2) for closure in mechanism.closures]
+    return list(dict.fromkeys((carrier(one), carrier(other)) for one, other in joined))

@@ -11,8 +11,15 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import MissingExtraError, ModelError
-from p3dof.machine.description.mechanism import Box, Cylinder, Joint, Mechanism, Placement, Solid
-from p3dof.machine.description.xml_text import require_no_drive
+from p3dof.machine.description.mechanism import (
+    Box,
+    Cylinder,
+    Joint,
+    Mechanism,
+    Placement,
+    Solid,
+    require_no_drive,
+)
 from p3dof.machine.parameters import Body
 from p3dof.machine.parameters.body import steiner
 
@@ -32,23 +39,6 @@ def usd(mechanism: Mechanism) -> str:
     Lengths and placements are doubles; UsdPhysics itself keeps masses, inertias, joint frames and limits in
     single precision, angles in degrees. It has no limits of velocity and no inertia of
     motors: they are written for Newton and PhysX.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to write.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    MissingExtraError
-        If usd-core is not installed.
-    ModelError
-        If a moving link has no mass: UsdPhysics would give it one, from its solids; or if a joint has a
-        balance.
 
     References
     ----------

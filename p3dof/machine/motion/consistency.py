@@ -12,7 +12,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import MotionError
-from p3dof.machine.motion.splines import ORDER, derivatives
+from p3dof._base.time_series.smoothing import ORDER, derivatives
 
 TOLERANCE = 1e-3
 """Share of a column's largest derivative by which a velocity or an acceleration may miss it."""
@@ -50,18 +50,6 @@ def check_consistency(
     which tells how well coarse or rounded samples determine a derivative. Where an acceleration jumps, as in
     a trapezoidal profile, the derivative from either side will do. Fewer than `MINIMUM` samples, or numbers
     too large for the arithmetic, allow no statement and pass.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        Strictly rising times [s].
-    pose, velocity, acceleration : ndarray, shape (N, 3)
-        The motion.
-
-    Raises
-    ------
-    MotionError
-        Naming column, quantity and time of the worst sample, what was expected there, and what came.
     """
     if len(time) < MINIMUM:
         return

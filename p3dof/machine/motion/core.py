@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import os
 from dataclasses import InitVar, dataclass, replace
@@ -16,12 +17,9 @@ from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, positive,
 from p3dof._base.errors import MotionError
 from p3dof._base.files import Source, called, read_text, suffix_of, write_atomic
 from p3dof._base.tables import ShownInNotebook
-from p3dof.machine.motion import csv_files, splines
-from p3dof.machine.motion.consistency import check_consistency
-from p3dof.machine.motion.curve import Curve
-from p3dof.machine.motion.remarks import is_rough, remarks_on_curve
-from p3dof.machine.motion.smoothing import Smooth, checked
-from p3dof.machine.motion.times import (
+from p3dof._base.time_series import csv_files, smoothing
+from p3dof._base.time_series.smoothing import Smooth, checked, eased
+from p3dof._base.time_series.times import (
     counted,
     counted_told,
     evenly,
@@ -30,6 +28,9 @@ from p3dof.machine.motion.times import (
     rounding_told,
     sample_count,
 )
+from p3dof._base.time_series.wrenches import WrenchHistory
+from p3dof.machine.motion.consistency import check_consistency
+from p3dof.machine.motion.curve import AT_REST, Curve, is_rough, remarks_on_curve
 
 _JOINT_TOLERANCE = 1e-9
 """By how much poses [m, rad] and velocities [m/s, rad/s] may differ where two motions are joined."""
@@ -116,10 +117,6 @@ class Motion(FrozenArrays, ShownInNotebook):
             Degree of the polynomial: 5 (velocity and acceleration vanish at both ends), 7 (jerk too) or 9
             (and its derivative).
 
-        Returns
-        -------
-        Motion
-
         Raises
         ------
         MotionError
@@ -132,7 +129,7 @@ class Motion(FrozenArrays, ShownInNotebook):
             raise MotionError(f"order: expected 5, 7 or 9, got {order!r}")
         time = evenly(0.0, duration, sample_count(samples, least=2))
         with np.errstate(all="ignore"):  # the constructor refuses what overflows
-            return cls._along(splines.rest_to_rest(start, end, duration, int(order)), time)
+            return cls._along(smoothing.rest_to_rest(start, end, duration, int(order)), time)
 
     @classmethod
     def through(
@@ -159,10 +156,6 @@ class Motion(FrozenArrays, ShownInNotebook):
         samples : int
             Number of samples, evenly spaced; at least two.
 
-        Returns
-        -------
-        Motion
-
         Raises
         ------
         MotionError
@@ -178,7 +171,7 @@ class Motion(FrozenArrays, ShownInNotebook):
         times = frozen_array("times", times, (len(waypoints),), MotionError)
         require_rising("times", times)
         time = evenly(times[0], times[-1], sample_count(samples, least=2))
-        motion = cls._along(splines.through(times, waypoints), time)
+        motion = cls._along(smoothing.through(times, waypoints), time)
         pose, velocity, acceleration = motion.pose.copy(), motion.velocity.copy(), motion.acceleration.copy()
         pose[[0, -1]] = waypoints[[0, -1]]  # roundoff apart, these hold already
         velocity[[0, -1]] = acceleration[[0, -1]] = 0.0
@@ -209,10 +202,6 @@ class Motion(FrozenArrays, ShownInNotebook):
             follows them [Hz]. With ``"auto"``, poses that are exact enough are passed, and others are
             followed as far as they have more than noise. `remarks` state the band and the residual, which
             `Curve.fit` has.
-
-        Returns
-        -------
-        Motion
 
         Raises
         ------
@@ -254,10 +243,6 @@ class Motion(FrozenArrays, ShownInNotebook):
         smooth : float or "auto", optional
             For poses alone: see `from_poses`.
 
-        Returns
-        -------
-        Motion
-
         Raises
         ------
         MotionError
@@ -287,11 +272,6 @@ class Motion(FrozenArrays, ShownInNotebook):
         path : path-like
             The CSV file; replaced whole or not at all.
 
-        Returns
-        -------
-        Path
-            The path written.
-
         Raises
         ------
         InputError
@@ -312,10 +292,6 @@ class Motion(FrozenArrays, ShownInNotebook):
         *motions : Motion
             At least one. Pose and velocity must meet to 1e-9; accelerations may jump. The sample in which
             two motions meet is that of the former.
-
-        Returns
-        -------
-        Motion
 
         Raises
         ------
@@ -360,10 +336,6 @@ class Motion(FrozenArrays, ShownInNotebook):
         ----------
         samples : int or array-like, shape (M,)
             How many samples, evenly spaced over the whole motion, or the times themselves [s].
-
-        Returns
-        -------
-        Motion
 
         Raises
         ------
@@ -425,10 +397,6 @@ class Motion(FrozenArrays, ShownInNotebook):
             Number of samples, evenly spaced; by default about as dense as in this motion, of a curve 1001 at
             least.
 
-        Returns
-        -------
-        Motion
-
         Raises
         ------
         MotionError
@@ -445,7 +413,7 @@ class Motion(FrozenArrays, ShownInNotebook):
             least = 0 if self.curve is None else _FROM_CURVE
             samples = max(least, round((len(self) - 1) * duration / self.duration)) + 1
         time = evenly(0.0, duration, sample_count(samples, least=2))
-        phase, rate, change = splines.eased(time, duration, ramp, stop)
+        phase, rate, change = smoothing.eased(time, duration, ramp, stop)
         along = np.clip(self.time[0] + phase, self.time[0], self.time[-1])
         pose, slope, bend = self._at(along)
         acceleration = bend * rate[:, None] ** 2 + slope * change[:, None]
@@ -462,7 +430,7 @@ class Motion(FrozenArrays, ShownInNotebook):
         """Return pose, velocity and acceleration at times within the motion, between two samples or more."""
         if self.curve is not None:
             return self.curve.at(time)
-        curve = splines.hermite(self.time, self.pose, self.velocity, self.acceleration)
+        curve = smoothing.hermite(self.time, self.pose, self.velocity, self.acceleration)
         pose, velocity, acceleration = (np.asarray(curve(time, order)) for order in (0, 1, 2))
         return pose, velocity, acceleration
 
@@ -500,3 +468,68 @@ class Motion(FrozenArrays, ShownInNotebook):
 
     def __repr__(self) -> str:
         return f"Motion({len(self)} samples, {self.time[0]:g} to {self.time[-1]:g} s)"
+
+
+RAMP = 0.2
+"""How long a motion that does not start at rest takes to come from there, if nobody says so [s]."""
+
+
+_ROWS_OF_A_RAMP = 2000
+"""Rows of the load a second of a ramp, along which it changes as the motion comes up to its rate."""
+
+
+def natural_ramp(motion: Motion) -> float:
+    """Return how long a motion takes to come from rest, if nobody says so: no time if it starts there [s]."""
+    speed = np.abs(motion.velocity)
+    at_rest = np.all(speed[0] <= AT_REST * speed.max(axis=0))
+    return 0.0 if at_rest else min(RAMP, motion.duration)
+
+
+def load_along(history: WrenchHistory, motion: Motion, ramp: float) -> WrenchHistory:
+    """Return the load of a run that enters a motion from rest, by its place on the path.
+
+    At the times of the run.
+    """
+    history, begin = history.since(motion.start), float(motion.time[0])
+    places = history.time - begin
+    if not ramp:
+        return WrenchHistory(places, history.wrench, 0.0)
+    entered: FloatArray = np.array(np.linspace(0.0, ramp, math.ceil(_ROWS_OF_A_RAMP * ramp) + 1), dtype=float)
+    phase = eased(entered, motion.duration + ramp / 2, ramp, 0.0)[0]
+    inside = places[(places > 0) & (places < ramp / 2)]
+    times = np.concatenate([entered, np.interp(inside, phase, entered)])
+    times, first = np.unique(times, return_index=True)
+    phase = np.concatenate([phase, inside])[first]
+    later = places[places > ramp / 2]
+    return WrenchHistory(
+        np.concatenate([times, later + ramp / 2]),
+        np.concatenate([history(begin + phase), history(begin + later)]),
+        0.0,
+    )
+
+
+def paper_motion(samples: int = 1001) -> Motion:
+    """Return the motion of the paper's example, eq. (5), with exact derivatives.
+
+    y = -t²(t² - 1.3t + .3), z = .2t²(2t² - t - 1), θ = .4 sin 4πt, for t from 0 to 1 s. It neither starts nor
+    ends at rest: θ̇(0) = 5.03 rad/s, ẏ(1) = -.7 m/s, ż(1) = .6 m/s.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples, evenly spaced; one is t = 0 alone.
+
+    Raises
+    ------
+    MotionError
+        If `samples` is not a whole number of one or more.
+    """
+    t = evenly(0.0, 1.0, sample_count(samples, least=1))
+    w = 4 * math.pi
+    swing = w * t
+    pose = [-(t**2) * (t**2 - 1.3 * t + 0.3), 0.2 * t**2 * (2 * t**2 - t - 1), 0.4 * np.sin(swing)]
+    velocity = [-t * (4 * t**2 - 3.9 * t + 0.6), 0.2 * t * (8 * t**2 - 3 * t - 2), 0.4 * w * np.cos(swing)]
+    acceleration = [-(12 * t**2 - 7.8 * t + 0.6), 0.2 * (24 * t**2 - 6 * t - 2), -0.4 * w**2 * np.sin(swing)]
+    return Motion(
+        t, np.column_stack(pose), np.column_stack(velocity), np.column_stack(acceleration), check=False
+    )

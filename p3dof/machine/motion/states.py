@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, batch_of
 from p3dof._base.errors import InputError
-from p3dof._base.samples import OnInvalid, check_policy, raise_not_finite, wrench_like
+from p3dof._base.samples import POLICIES, OnInvalid, check_policy, raise_not_finite, wrench_like
+from p3dof._base.time_series.wrenches import Load, WrenchOverTime
 from p3dof.machine.motion.core import Motion
-from p3dof.machine.motion.wrenches import Load, WrenchOverTime
 
 _ZERO = np.zeros(3)
 _ZERO.setflags(write=False)
@@ -46,7 +46,7 @@ class States(NamedTuple):
     on_invalid : {"raise", "nan"}
         What to do with states that are invalid.
     given : tuple of str
-        What of the first four was given.
+        What of the first four was given, and not checked for being finite.
     """
 
     pose: FloatArray
@@ -122,27 +122,7 @@ def states_of(
     wrench: ArrayLike | None = None,
     on_invalid: OnInvalid = "raise",
 ) -> States:
-    """Return what a user gave as states of one shape.
-
-    Parameters
-    ----------
-    pose, velocity, acceleration, forces : array-like, shape (..., 3)
-        As of `States`; leading shapes broadcast. All but the pose may be left out.
-    wrench : array-like, shape (6,) or (..., 6), optional
-        As of `States`.
-    on_invalid : {"raise", "nan"}
-        Raise for samples that are invalid, or leave NaN in their rows.
-
-    Returns
-    -------
-    States
-
-    Raises
-    ------
-    InputError
-        If shapes do not fit, something is no number, the wrench is not finite (unless ``on_invalid="nan"``),
-        or `on_invalid` is something else.
-    """
+    """Return what a user gave as states of one shape."""
     check_policy(on_invalid)
     poses = batch_of("pose", pose, 3)
     speeds = _ZERO if velocity is None else batch_of("velocity", velocity, 3)
@@ -156,30 +136,16 @@ def states_of(
 
 
 def states_over(motion: Motion, wrench: WrenchOverTime = None, on_invalid: OnInvalid = "raise") -> States:
-    """Return the states of a motion.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion of the platform.
-    wrench : array-like, shape (6,) or (N, 6), or callable, optional
-        External force and moment on the platform at P; or a function of one time or of many.
-    on_invalid : {"raise", "nan"}
-        As of `States`.
-
-    Returns
-    -------
-    States
-
-    Raises
-    ------
-    InputError
-        If the wrench does not fit, or `motion` is not a `Motion`.
-    """
+    """Return the states of a motion, whose numbers were checked when it was made."""
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
-    loads = None if wrench is None else Load(wrench, motion.start).over(motion.time)
-    return states_of(motion.pose, motion.velocity, motion.acceleration, wrench=loads, on_invalid=on_invalid)
+    if on_invalid not in POLICIES:
+        check_policy(on_invalid)
+    count, loads = len(motion.time), None
+    if wrench is not None:
+        loads = wrench_like(Load(wrench, motion.start).over(motion.time), (count,), on_invalid)
+    idle = _ZEROS[:count] if count <= len(_ZEROS) else np.broadcast_to(_ZERO, (count, 3))
+    return States(motion.pose, motion.velocity, motion.acceleration, idle, loads, on_invalid, ())
 
 
 def _broadcast(given: tuple[str, ...], *arrays: FloatArray) -> tuple[FloatArray, ...]:

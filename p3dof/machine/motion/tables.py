@@ -6,24 +6,12 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.tables import Table, html_of, notebook_html, number, table_of
+from p3dof._base.time_series.times import counted_told
 from p3dof.machine.motion.core import Motion
-from p3dof.machine.motion.times import counted_told
 
 
 def motion_table(motion: Motion, wrench: FloatArray | None = None) -> Table:
-    """Return how far, how fast and how hard the platform moves, and what loads it.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    wrench : ndarray, shape (N, 6), optional
-        The external load [N, N m]; without it, nothing is said of loads.
-
-    Returns
-    -------
-    Table
-    """
+    """Return how far, how fast and how hard the platform moves, and what loads it."""
     names = (("y [m], per s, per s²", 0), ("z [m], per s, per s²", 1), ("θ [rad], per s, per s²", 2))
     rows = {
         name: (

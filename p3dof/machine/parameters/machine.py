@@ -1,21 +1,313 @@
-"""`Parameters`: one machine of the paper's kind."""
+"""`Parameters`: one machine of the paper's kind.
+
+Plain data to the parts of a machine: what a parameter file, JSON or a program holds.
+
+`p3dof.machine.parameters.machine` describes the fields.
+
+Parameter files: YAML in and out.
+
+The form::
+
+    geometry: {r: 0.1, R: 0.25, L: 0.4, b: 0.05}        # m
+    bodies:
+      slider:   {mass: 0.9751, com: [0, 0, 0], inertia: [4.1e-4, 4.1e-4, 4.1e-4]}   # kg, m, kg m² about com
+      leg:      {...}
+      crossbar: {...}
+      platform: {...}
+    limits: {travel: [-0.2, 0.2], speed: 2, force: 500, tilt: [-0.785, 0.785]}      # optional: m, m/s, N, rad
+    gravity: [0, 0, -9.806]                                                         # optional: m/s²
+    friction:                                                                       # optional
+      viscous: {sliders: 20, joints: 0.01}                                          # N s/m, N m s/rad
+      coulomb: {sliders: 5, hinge_platform: 0.05}                                   # N, N m
+      smoothing: 0.001                                                              # m/s, rad/s
+    actuators:                                                                      # optional
+      armature: {sliders: 14.8}             # kg, inertia of motor and screw reflected to the slider
+      counterbalance: {slide_a: 48, slide_b: 52, slide_c: 55}   # N, force on the slider along z0 at home
+      spring: {slide_a: 100}                # N/m, how fast that force falls as the slider rises
+      counterweight: {slide_b: 2}           # kg, on a rope over a pulley
+    payload: {mass: 5, com: [0, 0, -0.1], inertia: [0.02, 0.02, 0.02]}    # optional, fixed to the platform;
+                                                                          # or a list of several
+
+``bodies`` names either these four kinds or all ten links, each on its own. An inertia is a diagonal or a full
+matrix, about the mass centre; with ``about: [x, y, z]`` it is about that point instead. A payload may be a
+mass alone, ``payload: 2 kg``, at P or at its ``com``. Or the bodies are computed from solids::
+
+    geometry: {r: 100 mm, R: 250 mm, L: 400 mm}
+    bodies: solids
+    density: 2700 kg/m^3                        # optional: of all, or {platform: 2700, ...}; steel by default
+    dimensions: {rod_radius: 8 mm}              # optional: the others in proportion to the paper's
+
+Numbers are in SI units, or have one of their own, in lists each by itself::
+
+    geometry: {r: 100 mm, R: 250 mm, L: 40 cm, b: 50 mm}
+    payload: {mass: 950 g, com: [0, 0, -100 mm], inertia: [410 kg mm^2, 410 kg mm^2, 380 kg mm^2]}
+    limits: {speed: 1500 mm/s, force: 0.5 kN, tilt: [-45 deg, 45 deg]}
+
+Millimetres are not to be taken for metres: a machine whose longest length is above 20 m or below 1 mm is
+refused unless the caller says ``any_size``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, TypeVar
 
-from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array
-from p3dof._base.errors import ParameterError
+import yaml
+
+from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, shown, unknown_field, warn_caller
+from p3dof._base.errors import P3dofError, ParameterError
+from p3dof._base.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
+from p3dof._base.quantities import (
+    ACCELERATION,
+    ANGLE,
+    FORCE,
+    HINGE_DAMPING,
+    INERTIA,
+    LENGTH,
+    MASS,
+    MASS_DENSITY,
+    MOMENT,
+    RATE,
+    SLIDE_DAMPING,
+    SPEED,
+    STIFFNESS,
+    Quantity,
+)
 from p3dof._base.tables import ShownInNotebook
-from p3dof.machine.parameters.actuators import Actuators
-from p3dof.machine.parameters.bodies import Bodies
-from p3dof.machine.parameters.body import Body
-from p3dof.machine.parameters.friction import Friction
-from p3dof.machine.parameters.geometry import Geometry
-from p3dof.machine.parameters.limits import Limits
-from p3dof.machine.parameters.plain import named, read_parts
+from p3dof.machine.parameters.actuators import Actuators, Friction, Geometry, Limits
+from p3dof.machine.parameters.body import LINKS, SLIDES, Bodies, Body
+from p3dof.machine.parameters.solids import KINDS, STEEL_DENSITY, Dimensions, bodies_of_solids
+
+_ANYWAY = "--any-size, or any_size=True, takes it as it is"
+_METRES = f"lengths are in metres; did you mean mm? Write '120 mm' ({_ANYWAY})"
+LARGEST, SMALLEST = 20.0, 1e-3
+"""Largest and smallest machine that is believed, by its longest length [m]."""
+_THIN, _FAR, _WIDE, _BEYOND = 1e-3, 3.0, 1.5, 10.0
+"""Masses that are believed: by (R + L)³ [kg/m³], at least [kg], by all other bodies, a payload by these."""
+_DENSEST, _LIGHT, _OTHERS, _HEAVY = 2e4, 100.0, 100.0, 40.0
+"""Masses that are believed: by (R + L)³ [kg/m³], always [kg], by all other bodies, of a payload by these."""
+_GEOMETRY = dict.fromkeys(("r", "R", "L", "b"), LENGTH)
+_LIMITS = {"travel": LENGTH, "speed": SPEED, "force": FORCE, "tilt": ANGLE}
+_BODY = {"mass": MASS, "com": LENGTH, "inertia": INERTIA, "about": LENGTH}
+_WHOLE = ("mass", "com", "inertia")
+_FRICTION = {"viscous": (SLIDE_DAMPING, HINGE_DAMPING), "coulomb": (FORCE, MOMENT)}
+_ACTUATORS = {"armature": MASS, "counterbalance": FORCE, "spring": STIFFNESS, "counterweight": MASS}
+_SLIDES = {"sliders", *SLIDES}
+_SOLIDS = ("density", "dimensions")
+_T = TypeVar("_T")
+
+
+def read_parts(data: Any, source: str, any_size: bool) -> tuple[dict[str, Any], list[Body]]:
+    """Return the parts of a machine, and what it carries."""
+    parts_of = ("geometry", "bodies", "limits", "gravity", "friction", "actuators", "payload", *_SOLIDS)
+    data = read_fields(data, source, ("geometry",), parts_of)
+    geometry = _record(data["geometry"], f"{source}: geometry", Geometry, _GEOMETRY, ("r", "R", "L"))
+    if not any_size:
+        _require_size(geometry, f"{source}: geometry")
+    bodies = _solids(data, source, geometry) or _bodies(data["bodies"], f"{source}: bodies")
+    parts: dict[str, Any] = {"geometry": geometry, "bodies": bodies}
+    if "limits" in data:
+        parts["limits"] = _record(data["limits"], f"{source}: limits", Limits, _LIMITS)
+    if "gravity" in data:
+        parts["gravity"] = ACCELERATION.read(data["gravity"], f"{source}: gravity")
+    if "friction" in data:
+        parts["friction"] = _friction(data["friction"], f"{source}: friction")
+    if "actuators" in data:
+        parts["actuators"] = _actuators(data["actuators"], f"{source}: actuators")
+    payloads = _payloads(data.get("payload", []), f"{source}: payload")
+    if not any_size:
+        for name, body in (*bodies.items(), *(("payload", payload) for payload in payloads)):
+            require_near(body, f"{source}: {name}: com")
+    return parts, payloads
+
+
+def require_near(body: Body, where: str) -> None:
+    """Raise if a mass centre is so far away that millimetres were meant."""
+    far = float(abs(body.com).max())
+    if far > LARGEST:
+        raise ParameterError(f"{where}: {far:g} m is more than {LARGEST:g} m: {_METRES}")
+
+
+def doubt(machine: Parameters, where: str = "") -> None:
+    """Warn of numbers that seem to be in another unit, and raise for an inertia that no unit explains.
+
+    By ratios alone: lengths to the longest one, masses to the machine's size and to each other, inertias to
+    mass and size.
+    """
+    geometry, bodies = asdict(machine.geometry), machine.unladen.bodies
+    size, longest = machine.geometry.R + machine.geometry.L, max(geometry.values())
+    told = [
+        f"geometry.{name} = {length:g} m beside {longest:g} m (mm?)"
+        for name, length in geometry.items()
+        if length < _THIN * longest
+    ]
+    name, body = max(bodies.items(), key=lambda item: item[1].mass)
+    if bodies.mass > max(_LIGHT, _DENSEST * size**3) or body.mass > max(
+        _LIGHT, _OTHERS * (bodies.mass - body.mass)
+    ):
+        told.append(f"{name}.mass = {body.mass:g} kg in a machine of {size:.3g} m (g?)")
+    each = {id(body): (name, body) for name, body in bodies.items()}  # equal ones once
+    for name, body in (*each.values(), *(("payload", payload) for payload in machine.payloads)):
+        if (far := float(abs(body.com).max())) > _FAR * size:
+            told.append(f"{name}.com = {far:g} m in a machine of {size:.3g} m (mm?)")
+        inertia = float(body.inertia.trace())
+        if inertia > 2 * body.mass * (_WIDE * size) ** 2:
+            words = (
+                f"{name}.inertia = {inertia / 2:g} kg m^2 of {body.mass:g} kg in a machine of {size:.3g} m"
+            )
+            if inertia > 2 * body.mass * (_BEYOND * size) ** 2:
+                raise ParameterError(f"{where}{words}: no such body is; did you mean kg mm^2? ({_ANYWAY})")
+            told.append(f"{words} (kg mm^2?)")
+    if told:
+        warn_caller(f"{where}{'; '.join(told)}: units are m, kg, kg m^2 ({_ANYWAY})")
+
+
+def _require_size(geometry: Geometry, where: str) -> None:
+    """Raise if lengths are so large or so small that another unit was meant."""
+    name, longest = max(asdict(geometry).items(), key=lambda item: float(item[1]))
+    if longest > LARGEST:
+        raise ParameterError(f"{where}: {name} = {longest:g} m is more than {LARGEST:g} m: {_METRES}")
+    if longest < SMALLEST:
+        raise ParameterError(
+            f"{where}: the longest length, {name} = {longest:g} m, is less than {SMALLEST:g} m: "
+            f"lengths are in metres ({_ANYWAY})"
+        )
+
+
+def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies | None:
+    """Return bodies of solids, where a file asks for these."""
+    if data.get("bodies") != "solids":
+        if "bodies" not in data:
+            raise ParameterError(
+                f"{source}: the field 'bodies' is missing: give mass, com and inertia of each, or "
+                "'bodies: solids' for bodies of steel in proportion to the paper's"
+            )
+        for name in _SOLIDS:
+            if name in data:
+                raise ParameterError(f"{source}: {name}: expected with 'bodies: solids' only")
+        return None
+    density = data.get("density", STEEL_DENSITY)
+    if isinstance(density, Mapping):
+        density = {
+            kind: MASS_DENSITY.read(each, f"{source}: density.{kind}") for kind, each in density.items()
+        }
+    else:
+        density = MASS_DENSITY.read(density, f"{source}: density")
+    whole = named(source, lambda: asdict(Dimensions.scaled(geometry)))
+    given = data.get("dimensions", {})
+    sizes = {**whole, **given} if isinstance(given, Mapping) else given
+    dimensions = _record(sizes, f"{source}: dimensions", Dimensions, dict.fromkeys(whole, LENGTH))
+    return named(source, lambda: bodies_of_solids(geometry, dimensions, density))
+
+
+def _bodies(data: Any, where: str) -> Bodies:
+    kinds = isinstance(data, Mapping) and not set(data) - set(KINDS)
+    names = KINDS if kinds else LINKS
+    data = read_fields(data, where, required=names)
+    bodies = {name: read_body(data[name], f"{where}.{name}", alone=False) for name in names}
+    return named(where, lambda: Bodies.alike(**bodies) if kinds else Bodies(**bodies))
+
+
+def body_of(value: Any, where: str, error: type[P3dofError] = ParameterError) -> Body:
+    """Return a body, or the point mass at its origin that a mass alone is: 2, or '2 kg'."""
+    try:
+        if isinstance(value, str | int | float) and not isinstance(value, bool):
+            mass = MASS.read(value, where)
+            return named(where, lambda: Body(mass))
+    except ParameterError as problem:
+        raise error(str(problem)) from problem
+    if not isinstance(value, Body):
+        raise error(f"{where}: expected a Body or a mass, got {shown(value)}")
+    return value
+
+
+def read_body(data: Any, where: str, alone: bool = True) -> Body:
+    """Return a body from the fields mass, com, inertia and perhaps about; `alone`, a mass will do."""
+    if alone and isinstance(data, str | int | float) and not isinstance(data, bool):
+        return body_of(data, where)
+    needed = ("mass",) if alone and not (isinstance(data, Mapping) and "about" in data) else _WHOLE
+    data = read_fields(data, where, needed, ("mass", "com", "inertia", "about"))
+    values = {key: _BODY[key].read(value, f"{where}.{key}") for key, value in data.items()}
+    point = values.pop("about", None)
+    return named(where, lambda: Body(**values) if point is None else Body.about(point, **values))
+
+
+def _payloads(data: Any, where: str) -> list[Body]:
+    """Read one payload, or a list of them."""
+    if isinstance(data, list):
+        return [read_body(item, f"{where}[{i}]") for i, item in enumerate(data)]
+    return [read_body(data, where)]
+
+
+def _friction(data: Any, where: str) -> Friction:
+    data = read_fields(data, where, optional=("viscous", "coulomb", "smoothing"))
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        if isinstance(value, Mapping) and key in _FRICTION:
+            of_slide, of_hinge = _FRICTION[key]
+            values[key] = {
+                name: (of_slide if name in _SLIDES else of_hinge).read(number, f"{where}.{key}.{name}")
+                for name, number in value.items()
+            }
+        else:
+            values[key] = RATE.read(value, f"{where}.{key}") if key == "smoothing" else value
+    return named(where, lambda: Friction(**values))
+
+
+def _actuators(data: Any, where: str) -> Actuators:
+    data = read_fields(data, where, optional=_ACTUATORS)
+    values: dict[str, Any] = {}
+    for key, value in data.items():
+        values[key] = value
+        if isinstance(value, Mapping):
+            quantity = _ACTUATORS[key]
+            values[key] = {name: quantity.read(of, f"{where}.{key}.{name}") for name, of in value.items()}
+    return named(where, lambda: Actuators(**values))
+
+
+def _record(
+    data: Any,
+    where: str,
+    kind: Callable[..., _T],
+    quantities: Mapping[str, Quantity],
+    required: Iterable[str] = (),
+) -> _T:
+    """Make a flat dataclass from a mapping."""
+    known = [item.name for item in fields(kind)]  # type: ignore[arg-type]
+    data = read_fields(data, where, required, known)
+    values = {key: quantities[key].read(value, f"{where}.{key}") for key, value in data.items()}
+    return named(where, lambda: kind(**values))
+
+
+def read_fields(
+    data: Any, where: str, required: Iterable[str] = (), optional: Iterable[str] = ()
+) -> Mapping[str, Any]:
+    """Return a mapping whose fields have been checked."""
+    required = list(required)
+    known = [*required, *(name for name in optional if name not in required)]
+    if not isinstance(data, Mapping):
+        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {_kind(data)}")
+    unknown = [str(key) for key in data if key not in known]
+    if unknown:
+        raise ParameterError(f"{where}: {unknown_field(unknown[0], data, known)}")
+    missing = [key for key in required if key not in data]
+    if missing:
+        raise ParameterError(f"{where}: the field {missing[0]!r} is missing")
+    return data
+
+
+def _kind(value: Any) -> str:
+    return "nothing" if value is None else shown(value)
+
+
+def named(where: str, make: Callable[[], _T]) -> _T:
+    """Return what a constructor makes; its error gets the place in the data in front."""
+    try:
+        return make()
+    except ParameterError as error:
+        raise ParameterError(f"{where}: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,25 +356,26 @@ class Parameters(FrozenArrays, ShownInNotebook):
                 raise ParameterError(f"{name}: expected {kind.__name__}, got {got}")
         object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ParameterError))
 
-    def carrying(self, payload: Body) -> Parameters:
+    def carrying(self, payload: Body | float | str) -> Parameters:
         """Return the machine with a payload fixed to its platform, besides what it carries already.
 
         Parameters
         ----------
-        payload : Body
-            In the platform's body frame: origin P, axes parallel to the fixed frame at θ = 0.
-
-        Returns
-        -------
-        machine : Parameters
+        payload : Body, float or str
+            In the platform's body frame: origin P, axes parallel to the fixed frame at θ = 0. A mass alone,
+            ``3`` [kg] or ``"950 g"``, is a point mass at P.
 
         Raises
         ------
         ParameterError
-            If `payload` is not a `Body`.
+            If `payload` is something else.
         """
-        if not isinstance(payload, Body):
-            raise ParameterError(f"payload: expected a Body, got {type(payload).__name__}")
+        body, moving = body_of(payload, "payload"), self.unladen.bodies.mass
+        if body.mass > max(_LIGHT, _HEAVY * moving):
+            warn_caller(f"payload of {body.mass:g} kg on a machine of {moving:.3g} kg (g?): masses are in kg")
+        return self._laden(body)
+
+    def _laden(self, payload: Body) -> Parameters:
         platform = self.bodies.platform.joined(payload)
         return replace(self, bodies=replace(self.bodies, platform=platform))
 
@@ -155,5 +448,65 @@ class Parameters(FrozenArrays, ShownInNotebook):
         parts, payloads = read_parts(data, source, any_size)
         machine = named(source, lambda: cls(**parts))
         for payload in payloads:
-            machine = machine.carrying(payload)
+            machine = machine._laden(payload) if any_size else machine.carrying(payload)
+        if not any_size:
+            doubt(machine, f"{source}: ")
         return machine
+
+
+def read_parameters(path: Source, any_size: bool = False) -> Parameters:
+    """Read a parameter file.
+
+    Parameters
+    ----------
+    path : path-like or stream
+        The YAML file. Its numbers are in SI units, or texts with a unit: ``r: 120 mm``, ``mass: 950 g``,
+        ``tilt: [-45 deg, 45 deg]``, ``inertia: [410 kg mm^2, ...]``, ``force: 0.5 kN``.
+    any_size : bool
+        Take a machine of more than 20 m or less than 1 mm too. Such a file is usually one in millimetres.
+
+    Raises
+    ------
+    ParameterError
+        If a field is missing, unknown, in a wrong unit or not physical, or the machine is too large or too
+        small; the message names file and field.
+    FileError
+        If the file cannot be read.
+    """
+    return parse(read_text(path), called(path), any_size)
+
+
+def write_parameters(parameters: Parameters, path: str | os.PathLike[str]) -> None:
+    """Write a parameter file that `read_parameters` reads back to the same numbers.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What to write.
+    path : path-like
+        The YAML file; replaced whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    InputError
+        If its name ends neither in ``.yaml`` nor in ``.yml``.
+    ParameterError
+        If `parameters` is something else.
+    """
+    if not isinstance(parameters, Parameters):
+        raise ParameterError(f"parameters: expected Parameters, got {type(parameters).__name__}")
+    suffix_of(path, "parameters")
+    write_atomic(path, dump(parameters))
+
+
+def parse(text: str, source: str = "parameters", any_size: bool = False) -> Parameters:
+    """Read parameters from YAML text; as `Parameters.from_dict` reads plain data."""
+    return Parameters.from_dict(parse_yaml(text, source, ParameterError), source, any_size)
+
+
+def dump(parameters: Parameters) -> str:
+    """Return the YAML text of parameters; `parse` gives the same numbers back to the last bit."""
+    header = "# p3dof parameters: m, kg, kg m² about the mass centre, m/s, N, rad, m/s²\n"
+    return header + yaml.safe_dump(parameters.to_dict(), sort_keys=False, default_flow_style=None, width=110)

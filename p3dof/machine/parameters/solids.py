@@ -1,17 +1,20 @@
-"""Mass properties of the solids that the bodies are made of, and their sizes."""
+"""Bodies of solids: cubes, round rods and the rounded plate, by their sizes and densities."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, frozen_array, positive
+from p3dof._base.checks import FloatArray, frozen_array, positive, shown
 from p3dof._base.errors import ParameterError
-from p3dof.machine.parameters.body import Body
-from p3dof.machine.parameters.geometry import Geometry
-from p3dof.machine.parameters.inertial import (
+from p3dof.machine.parameters.actuators import Geometry
+from p3dof.machine.parameters.body import (
+    Bodies,
+    Body,
     Inertial,
     Scalar,
     inertial_of_box,
@@ -21,6 +24,10 @@ from p3dof.machine.parameters.inertial import (
 
 STEEL_DENSITY = 7801.0
 """Density that reproduces the paper's masses [kg/m³]: the customary default steel of ADAMS."""
+
+
+KINDS = ("slider", "leg", "crossbar", "platform")
+"""The kinds of bodies of a usual machine."""
 
 
 @dataclass(frozen=True)
@@ -56,18 +63,7 @@ class Dimensions:
 
     @classmethod
     def scaled(cls, geometry: Geometry) -> Dimensions:
-        """Return the sizes of the paper's solids scaled to another geometry, so that they still fit.
-
-        Parameters
-        ----------
-        geometry : Geometry
-            The lengths of the mechanism.
-
-        Returns
-        -------
-        Dimensions
-            The paper's sizes, times the smallest ratio of `geometry` to the paper's lengths.
-        """
+        """Return the paper's sizes times the smallest ratio of a geometry to its lengths: they fit."""
         ratio = min(scales(geometry.r, geometry.R, geometry.L, geometry.b))
         return cls(*(ratio * item.default for item in fields(cls)))
 
@@ -75,15 +71,7 @@ class Dimensions:
 def scales(r: Scalar, R: Scalar, L: Scalar, b: Scalar) -> tuple[Scalar, ...]:
     """Return the ratios of lengths to the paper's; the least is that of solids which still fit.
 
-    Parameters
-    ----------
-    r, R, L, b : number or array
-        As of `Geometry` [m].
-
-    Returns
-    -------
-    tuple
-        Four ratios.
+    Four ratios.
     """
     paper = Geometry()
     return L / paper.L, r / paper.r, b / paper.b, (R - r) / (paper.R - paper.r)
@@ -116,34 +104,9 @@ def box(size: tuple[float, float, float], density: float = STEEL_DENSITY) -> Bod
 
 
 def cylinder(
-    radius: float,
-    length: float,
-    axis: int = 0,
-    start: float = 0.0,
-    density: float = STEEL_DENSITY,
+    radius: float, length: float, axis: int = 0, start: float = 0.0, density: float = STEEL_DENSITY
 ) -> Body:
-    """Return the body of a solid cylinder along one of the axes.
-
-    Parameters
-    ----------
-    radius, length : float
-        Sizes [m].
-    axis : int
-        The axis of the body frame that it lies along: 0, 1 or 2.
-    start : float
-        Coordinate of its first end on that axis [m].
-    density : float
-        Density [kg/m³].
-
-    Returns
-    -------
-    Body
-
-    Raises
-    ------
-    ParameterError
-        If `axis` is not one of the three, or the sizes do not make a body.
-    """
+    """Return the body of a solid cylinder along one of the axes."""
     if axis not in {0, 1, 2}:
         raise ParameterError(f"axis: expected 0, 1 or 2, got {axis!r}")
     radius, length = (positive(*given, ParameterError) for given in (("radius", radius), ("length", length)))
@@ -156,26 +119,7 @@ def rounded_plate(
 ) -> Body:
     """Return the body of a plate: a triangle widened all round by a radius, of constant thickness.
 
-    Parameters
-    ----------
-    corners : ndarray, shape (3, 2)
-        Corners of the triangle in the plane x, y [m].
-    radius : float
-        By how much the triangle is widened [m].
-    thickness : float
-        Thickness along z, half of it on either side of the plane [m].
-    density : float
-        Density [kg/m³].
-
-    Returns
-    -------
-    Body
-        In the frame that `corners` are given in.
-
-    Raises
-    ------
-    ParameterError
-        If a size is not a positive number, or the corners are on one line.
+    In the frame that `corners` are given in.
     """
     corners = frozen_array("corners", corners, (3, 2), ParameterError)
     radius, thickness, density = (
@@ -191,3 +135,71 @@ def _body(inertial: Inertial) -> Body:
 
 def _three(name: str, value: object) -> FloatArray:
     return frozen_array(name, value, (3,), ParameterError)
+
+
+def bodies_of_solids(
+    geometry: Geometry,
+    dimensions: Dimensions | None = None,
+    density: float | Mapping[str, float] = STEEL_DENSITY,
+) -> Bodies:
+    """Return every body from its solid; `density` is that of all, or of some kinds by name [kg/m³]."""
+    given: Mapping[Any, Any] = density if isinstance(density, Mapping) else dict.fromkeys(KINDS, density)
+    for kind in given:
+        if kind not in KINDS:
+            raise ParameterError(f"density: unknown kind {shown(kind)}, expected one of {', '.join(KINDS)}")
+    size, bodies = dimensions or Dimensions.scaled(geometry), {}
+    for kind in KINDS:
+        of = positive("density", given.get(kind, STEEL_DENSITY), ParameterError)
+        bodies[kind] = _body(inertials_of_solids(geometry, size, of)[kind])
+    return Bodies.alike(**bodies)
+
+
+class _Lengths(Protocol):
+    """The lengths that solids depend on; `Geometry` has them, and so have columns of designs."""
+
+    @property
+    def r(self) -> Scalar: ...
+    @property
+    def L(self) -> Scalar: ...  # noqa: N802 - as of `Geometry`
+    @property
+    def b(self) -> Scalar: ...
+
+
+class _Sizes(Protocol):
+    """Sizes as of `Dimensions`."""
+
+    @property
+    def slider_edge(self) -> Scalar: ...
+    @property
+    def rod_radius(self) -> Scalar: ...
+    @property
+    def plate_thickness(self) -> Scalar: ...
+    @property
+    def corner_radius(self) -> Scalar: ...
+
+
+def inertials_of_solids(lengths: _Lengths, size: _Sizes, density: Scalar) -> dict[str, Inertial]:
+    """Return the inertial parameters of each kind of body from its solid, on numbers, arrays or symbols.
+
+    Slider, leg, crossbar and platform.
+    """
+    edge = size.slider_edge
+    return {
+        "slider": inertial_of_box((edge, edge, edge), density),
+        "leg": inertial_of_cylinder(size.rod_radius, lengths.L, 0, 0, density),
+        "crossbar": inertial_of_cylinder(size.rod_radius, 2 * lengths.b, 1, -lengths.b, density),
+        "platform": inertial_of_plate(_CORNERS, lengths.r, size.corner_radius, size.plate_thickness, density),
+    }
+
+
+_CORNERS = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0]])
+"""A3, B3 and C5 of a platform of size one, counter-clockwise."""
+
+
+def platform_corners(geometry: Geometry) -> FloatArray:
+    """Return the platform's joints A3, B3, C5 in its plane, in the platform frame, counter-clockwise.
+
+    x and y of A3, B3 and C5 [m].
+    """
+    corners: FloatArray = geometry.r * _CORNERS + 0.0
+    return corners

@@ -6,26 +6,13 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.tables import Table, html_of, notebook_html, number, table_of
-from p3dof.machine.parameters.actuators import Actuators
+from p3dof.machine.parameters.actuators import Actuators, Friction, Geometry, Limits
 from p3dof.machine.parameters.body import Body
-from p3dof.machine.parameters.friction import Friction
-from p3dof.machine.parameters.geometry import Geometry
-from p3dof.machine.parameters.limits import Limits
 from p3dof.machine.parameters.machine import Parameters
 
 
 def parameter_tables(parameters: Parameters) -> list[Table]:
-    """Return the tables of lengths, bodies, limits, gravity, friction and actuators.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    list of Table
-    """
+    """Return the tables of lengths, bodies, limits, gravity, friction and actuators."""
     return [
         _geometry(parameters.geometry),
         _limits(parameters.limits, parameters.gravity),
@@ -93,15 +80,7 @@ def _bodies(parameters: Parameters) -> Table:
 def payload_table(parameters: Parameters) -> Table | None:
     """Return what the platform carries: the platform alone, each payload, and all together.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    Table or None
-        None if it carries nothing.
+    None if it carries nothing.
     """
     payloads = parameters.payloads
     if not payloads:
@@ -136,20 +115,7 @@ def _actuators(actuators: Actuators) -> Table:
 
 @html_of.register(Parameters)
 def machine_html(parameters: Parameters, name: str = "Parameters") -> str:
-    """Return how a notebook shows a machine.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    name : str
-        What to call it.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """Return how a notebook shows a machine; HTML."""
     geometry, limits, bodies, *others = parameter_tables(parameters)
     payload = payload_table(parameters)
     tables = [geometry, limits, bodies]

@@ -16,12 +16,11 @@ from types import MappingProxyType
 from p3dof._base.checks import shown
 from p3dof._base.errors import InputError
 from p3dof.machine.parameters import PAPER, Parameters
-from p3dof.methods.engines.base import Engine
+from p3dof.methods.engines.base import Engine, FinalState
 from p3dof.methods.engines.drake import DrakeEngine
 from p3dof.methods.engines.driven import Convergence, DrivenForces, Integrator, convergence, driven_forces
 from p3dof.methods.engines.exudyn import ExudynEngine
 from p3dof.methods.engines.mujoco import MujocoEngine
-from p3dof.methods.engines.samples import FinalState
 
 ENGINES = MappingProxyType({engine.name: engine for engine in (MujocoEngine, DrakeEngine, ExudynEngine)})
 """The engines by name."""
@@ -36,10 +35,6 @@ def load(name: str, parameters: Parameters = PAPER) -> Engine:
         Which one.
     parameters : Parameters
         The machine; the paper's by default.
-
-    Returns
-    -------
-    Engine
 
     Raises
     ------
@@ -60,10 +55,6 @@ def available(name: str) -> bool:
     ----------
     name : {"mujoco", "drake", "exudyn"}
         Which one.
-
-    Returns
-    -------
-    bool
 
     Raises
     ------

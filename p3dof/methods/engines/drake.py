@@ -12,12 +12,9 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
 from p3dof.machine.description import Mechanism
-from p3dof.machine.description.drake_text import drake
+from p3dof.machine.description.urdf_text import drake
 from p3dof.machine.parameters import PAPER, PLATFORM, Parameters
-from p3dof.methods.engines.bare import bare_mechanism
-from p3dof.methods.engines.base import Engine
-from p3dof.methods.engines.inputs import library
-from p3dof.methods.engines.samples import FinalState, FrameMotion, Sample
+from p3dof.methods.engines.base import Engine, FinalState, FrameMotion, Sample, bare_mechanism, library
 
 _STEP = 1e-3
 """Time step of the plant that never moves [s]: Drake keeps ball constraints in discrete plants only."""
@@ -38,16 +35,6 @@ class DrakeEngine(Engine):
 
     Its inverse dynamics is that of the open tree; the loops enter by the Jacobians of the two points that
     each of them joins.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine; the paper's by default.
-
-    Raises
-    ------
-    InputError, MissingExtraError, ModelError
-        As `p3dof.methods.engines.load`.
     """
 
     name = "drake"
@@ -126,24 +113,6 @@ class DrakeEngine(Engine):
         """Move the machine from rest under constant forces; see `Engine.simulate`.
 
         With Drake's discrete solver for ball constraints, SAP, of first order in the step.
-
-        Parameters
-        ----------
-        duration, step : float
-            How long, and the time step [s].
-        pose : array-like, shape (3,)
-            Where it starts: y, z [m] and θ [rad].
-        forces : array-like, shape (3,)
-            Forces of the actuators A, B, C [N].
-
-        Returns
-        -------
-        FinalState
-
-        Raises
-        ------
-        InputError, ReachError, DynamicsError
-            As `Engine.simulate`; `InputError` also for a spring of negative stiffness.
         """
         _, q, forces = self._start(duration, step, pose, forces)
         if any(joint.stiffness < 0 for joint in self._mechanism.moving):

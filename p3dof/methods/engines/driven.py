@@ -14,17 +14,15 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array, positive, shown
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown
 from p3dof._base.errors import DynamicsError, InputError
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.kinematics import MechanismMotion
 from p3dof.machine import description
 from p3dof.machine.motion import Motion, WrenchOverTime, states_over
 from p3dof.machine.parameters import Parameters
-from p3dof.methods.engines.base import FREEDOMS
-from p3dof.methods.engines.exudyn import integrate, settings
-from p3dof.methods.engines.exudyn_model import Drive, ExudynModel
-from p3dof.methods.engines.inputs import check_machine, check_motion, step_count
+from p3dof.methods.engines.base import FREEDOMS, check_machine, check_motion, step_count
+from p3dof.methods.engines.exudyn import Drive, ExudynModel, integrate, settings
 
 Integrator: TypeAlias = Literal["trapezoidal", "generalized-alpha"]
 """The trapezoidal rule with constraints of index 2, or the generalised-α method with those of index 3."""
@@ -46,65 +44,29 @@ TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class DrivenForces:
-    """What leading the sliders along a motion takes.
+class DrivenForces(Readable):
+    """What leading the sliders along a motion takes."""
 
-    Parameters
-    ----------
-    integrator : str
-        ``"trapezoidal"`` or ``"generalized-alpha"``.
-    step : float
-        Time step [s].
-    time : ndarray, shape (K,)
-        Ends of the steps [s].
-    forces : ndarray, shape (K, 3)
-        Forces of the actuators A, B, C [N].
-    gap : ndarray, shape (K,)
-        Largest distance of two points that a loop joins [m].
-    seconds : float
-        Time that the integration took on the clock [s].
-    """
-
-    integrator: str
-    step: float
-    time: FloatArray
-    forces: FloatArray
-    gap: FloatArray
-    seconds: float
+    integrator: str  # `"trapezoidal"` or `"generalized-alpha"`
+    step: float  # time step [s]
+    time: FloatArray  # (K,): ends of the steps [s]
+    forces: FloatArray  # (K, 3): forces of the actuators A, B, C [N]
+    gap: FloatArray  # (K,): largest distance of two points that a loop joins [m]
+    seconds: float  # time that the integration took on the clock [s]
 
 
 @dataclass(frozen=True, eq=False)
-class Convergence:
-    """Forces of ever smaller steps beside reference forces; all errors as shares of the largest of these.
+class Convergence(Readable):
+    """Forces of ever smaller steps beside reference forces; all errors as shares of the largest of these."""
 
-    Parameters
-    ----------
-    integrator : str
-        ``"trapezoidal"`` or ``"generalized-alpha"``.
-    steps : ndarray, shape (S,)
-        Time steps, each half of the one before [s].
-    time : ndarray, shape (K,)
-        Times of comparison: every second step of the longest ones [s].
-    largest : float
-        Largest reference force [N].
-    errors : ndarray, shape (S,)
-        Largest error with each step.
-    gaps : ndarray, shape (S,)
-        Largest gap of the loops with each step [m].
-    forces : ndarray, shape (K, 3)
-        Forces extrapolated to a step of zero [N].
-    extrapolated_error : float
-        Their largest error.
-    """
-
-    integrator: str
-    steps: FloatArray
-    time: FloatArray
-    largest: float
-    errors: FloatArray
-    gaps: FloatArray
-    forces: FloatArray
-    extrapolated_error: float
+    integrator: str  # `"trapezoidal"` or `"generalized-alpha"`
+    steps: FloatArray  # (S,): time steps, each half of the one before [s]
+    time: FloatArray  # (K,): times of comparison: every second step of the longest ones [s]
+    largest: float  # largest reference force [N]
+    errors: FloatArray  # (S,): largest error with each step
+    gaps: FloatArray  # (S,): largest gap of the loops with each step [m]
+    forces: FloatArray  # (K, 3): forces extrapolated to a step of zero [N]
+    extrapolated_error: float  # their largest error
 
     @property
     def orders(self) -> FloatArray:
@@ -129,36 +91,6 @@ def driven_forces(
     Between its samples, the motion is the quintic Hermite spline of `Motion.resampled`, whose third
     derivative jumps at samples. It should have samples as dense as the steps, or dense enough that the
     spline's error, of sixth order, is nothing.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-    motion : Motion
-        The motion of the platform.
-    step : float
-        Time step [s]; it divides the motion's duration.
-    integrator : {"trapezoidal", "generalized-alpha"}
-        The method; either is of second order.
-    wrench : array-like, shape (6,) or (N, 6), optional
-        External force and moment on the platform at P, in the fixed frame [N, N m]; linear between samples.
-    tolerance : float
-        Residual of Newton's method, relative and absolute.
-
-    Returns
-    -------
-    DrivenForces
-
-    Raises
-    ------
-    ReachError, SingularityError
-        If the motion leaves the workspace.
-    InputError
-        If an argument does not fit.
-    DynamicsError
-        If the integrator gives up.
-    MissingExtraError
-        If Exudyn is not installed.
     """
     check_machine(parameters)
     check_motion(motion)
@@ -196,25 +128,7 @@ def convergence(
     powers of the step. Compared are every second of the longest steps: the trapezoidal rule leaves an error
     that changes its sign from step to step and is not damped.
 
-    Parameters
-    ----------
-    parameters, motion, integrator, wrench
-        As of `driven_forces`.
-    reference : array-like, shape (N, 3)
-        Forces at the samples of the motion, of another method [N].
-    step : float
-        Longest time step [s]; all times of comparison must be samples of the motion.
-    halvings : int
-        How often it is halved, 1 to 6.
-
-    Returns
-    -------
-    Convergence
-
-    Raises
-    ------
-    InputError, ReachError, SingularityError, DynamicsError, MissingExtraError
-        As `driven_forces`.
+    `step`: longest time step [s]; all times of comparison must be samples of the motion.
     """
     check_motion(motion)
     step = positive("step", step, InputError)

@@ -15,9 +15,7 @@ from p3dof._base.errors import DynamicsError
 from p3dof.machine.description import Mechanism
 from p3dof.machine.description.mjcf_text import mjcf
 from p3dof.machine.parameters import PAPER, PLATFORM, Parameters
-from p3dof.methods.engines.bare import bare_mechanism
-from p3dof.methods.engines.base import FREEDOMS, Engine
-from p3dof.methods.engines.samples import FinalState, FrameMotion, Sample
+from p3dof.methods.engines.base import FREEDOMS, Engine, FinalState, FrameMotion, Sample, bare_mechanism
 
 _WARNED = threading.Lock()
 """Held by who is told of MuJoCo's warnings: one for all models."""
@@ -28,16 +26,6 @@ class MujocoEngine(Engine):
 
     `mj_inverse` knows of loops as springs only: with the forces of these springs added, it gives what the
     open tree takes. The loops enter by their Jacobian, as rigid ones.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine; the paper's by default.
-
-    Raises
-    ------
-    InputError, MissingExtraError, ModelError
-        As `p3dof.methods.engines.load`.
     """
 
     name = "mujoco"
@@ -106,24 +94,6 @@ class MujocoEngine(Engine):
 
         With the integrator of the MJCF, Runge-Kutta of order 4, and loops as stiff as the step allows: at
         1 ms the springs are those of the MJCF.
-
-        Parameters
-        ----------
-        duration, step : float
-            How long, and the time step [s].
-        pose : array-like, shape (3,)
-            Where it starts: y, z [m] and θ [rad].
-        forces : array-like, shape (3,)
-            Forces of the actuators A, B, C [N].
-
-        Returns
-        -------
-        FinalState
-
-        Raises
-        ------
-        InputError, ReachError, DynamicsError
-            As `Engine.simulate`.
         """
         count, q, forces = self._start(duration, step, pose, forces)
         lib, model = self._library, self._library.MjModel.from_xml_string(self._text())

@@ -20,32 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST, _MOST_NAMES = 10, 14
-_WIDEST = 1.5
-"""Bars of larger shares end here, and tell their share."""
+_WIDEST = 1.5  # bars of larger shares end here, and tell their share
 _BAR = 0.26
-_CLOSE = 0.93
-"""Labels of bars that end from here to the limit stand behind its line."""
+_CLOSE = 0.93  # labels of bars that end from here to the limit stand behind its line
 
 
 def utilisation_figure(found: Assessment) -> Figure:
-    """Draw how much of each rating the axes use, the largest first.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `found` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Draw how much of each rating the axes use, the largest first."""
     _require(found)
     shares: dict[str, list[float]] = {}
     for one in found.ratings:
@@ -82,7 +63,7 @@ def utilisation_figure(found: Assessment) -> Figure:
     axis.set_ylim(len(names) - 0.4, -0.6)
     axis.grid(visible=False, axis="y")
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
-    axis.set_xlabel("used of the rating; the line is the limit")
+    axis.set_xlabel("utilisation; the line is the limit")
     for k, leg in enumerate(LEGS):
         axis.barh(np.nan, np.nan, color=COLOURS[k], label=leg)
     axis.legend(loc="lower right", frameon=False, fontsize=9)
@@ -90,24 +71,7 @@ def utilisation_figure(found: Assessment) -> Figure:
 
 
 def axis_forces_figure(found: Assessment) -> Figure:
-    """Draw the forces at the nuts and those of the motors over the cycle, axis by axis.
-
-    Parameters
-    ----------
-    found : Assessment
-        The assessment; without drives the two are one.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `found` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Draw the forces at the nuts and those of the motors over the cycle, axis by axis."""
     _require(found)
     figure = new_figure(figsize=(9.6, 6.6))
     panels = figure.subplots(3, 1, sharex=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,11 +25,9 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
 
 
-RESOLUTION = 160
-"""Of pictures that are made of points [per inch]."""
+RESOLUTION = 160  # of pictures that are made of points [per inch]
 
-TICKS = 6
-"""Most intervals between the ticks of an axis."""
+TICKS = 6  # most intervals between the ticks of an axis
 
 GAP = "not possible"
 """What legends call the hatched times without valid samples: out of reach, or near a singularity."""
@@ -45,11 +44,6 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> Path:
         The figure.
     path : path-like
         The file; replaced whole or not at all.
-
-    Returns
-    -------
-    Path
-        The path written.
 
     Raises
     ------
@@ -72,6 +66,9 @@ def save_all(figure: Figure, paths: Iterable[str | os.PathLike[str]]) -> list[Pa
 def laid_out(figure: Figure) -> Iterator[None]:
     """Lay a figure out once for all that is drawn in this block."""
     engine, dpi, canvas = figure.get_layout_engine(), figure.dpi, figure.canvas
+    for axis in figure.axes:
+        if not any(axis.get_title(side) for side in ("left", "center", "right")):
+            axis.set_title("", y=1.0)  # else each drawing makes ticks to look where it would stand
     if engine is not None:
         engine.execute(figure)
         figure.set_layout_engine("none")
@@ -84,25 +81,14 @@ def laid_out(figure: Figure) -> Iterator[None]:
 
 
 def encoded(figure: Figure, kind: str) -> bytes:
-    """Draw a figure that is laid out, once: `savefig` would draw it twice.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        The figure; its canvas and resolution change.
-    kind : {"png", "svg", "pdf"}
-        The format.
-
-    Returns
-    -------
-    bytes
-    """
+    """Draw a figure that is laid out, once: `savefig` would draw it twice."""
     stream = io.BytesIO()
     if kind == "svg":
         from matplotlib.backends.backend_svg import FigureCanvasSVG
 
         FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None})  # type: ignore[no-untyped-call]
-    elif kind == "pdf":
+        return _lighter(stream.getvalue().decode()).encode()
+    if kind == "pdf":
         from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
         FigureCanvasPdf(figure).print_pdf(stream)  # type: ignore[no-untyped-call]
@@ -114,23 +100,22 @@ def encoded(figure: Figure, kind: str) -> bytes:
     return stream.getvalue()
 
 
+_REMARKS = re.compile(r"<!--.*?-->\s*|<metadata>.*?</metadata>\s*", re.DOTALL)
+_NAMES = re.compile(r' id="[\w.]+_\d+"')
+_CORNER = re.compile(r"([MLQC] -?\d+(?:\.\d\d?)?)\d*( -?\d+(?:\.\d\d?)?)\d*")
+_PLACE = re.compile(r'( [xy]="-?\d+\.\d\d)\d+')
+
+
+def _lighter(svg: str) -> str:
+    """Return a picture without what nobody sees: digits below a hundredth of a point, names, blanks."""
+    svg = _CORNER.sub(r"\1\2", _PLACE.sub(r"\1", _NAMES.sub("", _REMARKS.sub("", svg))))
+    for command in "MLQCz":
+        svg = svg.replace(f" \n{command}", command)
+    return re.sub(r"\n +", "\n", svg)
+
+
 def new_figure(figsize: tuple[float, float]) -> Figure:
-    """Return an empty figure of a size in inches.
-
-    Parameters
-    ----------
-    figsize : tuple of float
-        Width and height [in].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    MissingExtraError, InputError
-        As `require_figures`.
-    """
+    """Return an empty figure of a size in inches."""
     require_figures()
     from matplotlib.figure import Figure
 
@@ -140,15 +125,7 @@ def new_figure(figsize: tuple[float, float]) -> Figure:
 
 
 def require_figures() -> None:
-    """Find out whether figures can be drawn, before the work for them begins.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    InputError
-        If it cannot start.
-    """
+    """Find out whether figures can be drawn, before the work for them begins."""
     try:
         import matplotlib.figure  # noqa: F401 - it is tried
     except ImportError as error:
@@ -176,19 +153,7 @@ def tidy(axis: Axes) -> None:
 
 
 def line(axis: Axes, time: FloatArray, values: FloatArray, valid: NDArray[np.bool_], **style: Any) -> None:
-    """Draw a curve of the valid samples, with gaps; those without a valid neighbour are dots.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        The panel.
-    time, values : ndarray, shape (N,)
-        The curve.
-    valid : ndarray of bool, shape (N,)
-        Which samples are.
-    **style
-        As for `matplotlib.axes.Axes.plot`.
-    """
+    """Draw a curve of the valid samples, with gaps; those without a valid neighbour are dots."""
     beside = np.concatenate([[False], valid, [False]])
     alone = np.flatnonzero(valid & ~beside[:-2] & ~beside[2:])
     dots = {"marker": "o", "ms": 4, "markevery": alone.tolist()} if len(alone) else {}
@@ -196,17 +161,7 @@ def line(axis: Axes, time: FloatArray, values: FloatArray, valid: NDArray[np.boo
 
 
 def shade_gaps(axis: Axes, time: FloatArray, valid: NDArray[np.bool_]) -> None:
-    """Hatch where no sample is valid, up to the samples beside it: the axis keeps the whole time.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        The panel; the first gap has a label for its legend.
-    time : ndarray, shape (N,)
-        Times [s].
-    valid : ndarray of bool, shape (N,)
-        Which samples are.
-    """
+    """Hatch where no sample is valid, up to the samples beside it: the axis keeps the whole time."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], valid, [True]])))
     last = len(time) - 1
     for number, (start, stop) in enumerate(edges.reshape(-1, 2)):

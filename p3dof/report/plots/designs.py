@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from p3dof._base.checks import shown
+from p3dof._base.blocks import Counts, Histogram, ParetoArchive, Reduction, Rows, Sweep
+from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
 from p3dof.analysis.designs import DesignForces, Designs
-from p3dof.analysis.designs.names import QUANTITIES, column_of
+from p3dof.analysis.designs.columns import QUANTITIES, column_of
+from p3dof.design.design_comparison import DesignComparison
 from p3dof.machine.parameters import LEGS
 from p3dof.report.plots.common import COLOURS, new_figure, tidy
+from p3dof.runs.many import ManyRuns
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SHOWN = 1000
-"""Designs whose single forces are drawn."""
+_SHOWN = 1000  # designs whose single forces are drawn
 
-_MOST = 5_000
-"""Designs that are drawn of more: each is a point."""
+_MOST = 5_000  # designs that are drawn of more: each is a point
 
 
 def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Figure:
     """Draw the largest force of each design over two of its columns, and the forces in their order.
 
-    Crosses are designs that cannot make the motion. Of more than 5,000 designs, evenly chosen ones are drawn.
+    Crosses are designs that cannot perform the motion. Of more than 5,000 designs, some are drawn.
 
     Parameters
     ----------
@@ -37,16 +41,10 @@ def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Fig
     x, y : str
         Two of the columns; a unit in brackets is that of the axis.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
-    InputError
-        If a column is missing, or the results are those of other designs.
-    MissingExtraError
-        If matplotlib is not installed.
+    InputError, MissingExtraError
+        If a column is missing, or the results are those of other designs; if matplotlib is not installed.
     """
     if len(found) != len(designs):
         raise InputError(f"found: expected results of {len(designs)} designs, got {len(found)}")
@@ -63,7 +61,7 @@ def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Fig
     worst = found.peak_force.max(axis=1)
     good, bad = chosen[found.feasible[chosen]], chosen[~found.feasible[chosen]]
     (x_label, across), (y_label, up) = places
-    left.plot(across[bad], up[bad], "x", color="0.7", ms=3, label="cannot make the motion")
+    left.plot(across[bad], up[bad], "x", color="0.7", ms=3, label="cannot perform the motion")
     points = left.scatter(across[good], up[good], c=worst[good], s=9, cmap="viridis", lw=0, rasterized=True)
     figure.colorbar(points, cax=scale)
     left.set(xlabel=x_label, ylabel=y_label, title="largest force [N]")
@@ -74,7 +72,150 @@ def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Fig
         step = max(1, len(order) // _SHOWN)
         right.plot(np.arange(0, len(order), step), values[::step], ".", ms=2, color=colour, label=leg)
     right.plot(np.arange(len(order)), worst[found.feasible][order], color="black", lw=1, label="largest")
-    right.set(xlabel="designs, the best first", ylabel="peak force [N]")
+    right.set(xlabel="designs, sorted", ylabel="peak force [N]")
     right.legend(frameon=False, fontsize=9)
     tidy(right)
     return figure
+
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+_LINES = ("-", "--", "-.", ":")
+
+
+def comparison_figure(found: DesignComparison) -> Figure:
+    """Draw the forces and speeds of A, B and C of all designs over time, those of one axis in one panel."""
+    if not isinstance(found, DesignComparison):
+        raise InputError(f"found: expected a DesignComparison, got {shown(found)}")
+    figure = new_figure(figsize=(10.2, 7.4))
+    panels = figure.subplots(3, 2, sharex=True)
+    for k, one in enumerate(found.assessments):
+        style = {"color": _COLOURS[k % len(_COLOURS)], "ls": _LINES[k % len(_LINES)], "lw": 1.3}
+        time = one.found.time
+        for leg in range(3):
+            panels[leg][0].plot(time, one.found.forces[:, leg], label=one.name, **style)
+            panels[leg][1].plot(time, one.found.slider_velocities[:, leg], **style)
+    longest = max(float(one.found.time[-1]) for one in found.assessments)
+    for leg, row in enumerate(panels):
+        for axis, what in zip(row, ("force [N]", "speed [m/s]"), strict=True):
+            axis.axhline(0, color="0.6", lw=0.5, zorder=0)
+            axis.set_ylabel(f"{LEGS[leg]}: {what}")
+            tidy(axis)
+            axis.set_xlim(0, longest)
+    for axis in panels[-1]:
+        axis.set_xlabel("time [s]")
+    handles, labels = panels[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=min(len(labels), 4), frameon=False, fontsize=9)
+    return figure
+
+
+_AXES = ("y [mm]", "z [mm]", "θ [mrad]")
+
+
+def many_runs_figure(runs: ManyRuns) -> Figure:
+    """Draw how the largest errors and forces of the finished runs are distributed, with their 95 % quantiles.
+
+    Parameters
+    ----------
+    runs : ManyRuns
+        The runs.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        If no run was finished; if matplotlib is not installed.
+    """
+    good = runs.finished
+    if not good.any():
+        raise InputError("runs: expected one that was finished, there is none")
+    figure = new_figure(figsize=(10.5, 5.4))
+    axes = figure.subplots(2, 3)
+    for k, name in enumerate(_AXES):
+        _histogram(axes[0, k], 1e3 * runs.peak_error[good, k], f"largest error of {name}")
+        _histogram(axes[1, k], runs.peak_force[good, k], f"largest force of {LEGS[k]} [N]")
+    axes[0, 0].set_ylabel("runs")
+    axes[1, 0].set_ylabel("runs")
+    axes[0, 0].legend(loc="upper left", frameon=False, fontsize=8)
+    return figure
+
+
+def _histogram(axis: Any, values: FloatArray, label: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    finite = values[np.isfinite(values)]
+    axis.hist(finite, bins=40, color="#0072b2")
+    if len(finite):
+        axis.axvline(np.quantile(finite, 0.95), color="#d55e00", lw=1.2, label="95 % below")
+    axis.set_xlabel(label)
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axis.set_axisbelow(True)
+    tidy(axis)
+
+
+MOST = 12  # most panels
+
+
+def require_panels(reductions: Iterable[Reduction]) -> list[Histogram | ParetoArchive]:
+    """Return the reductions that `sweep_figure` draws; raise `InputError` if there is none."""
+    found = [
+        item
+        for item in reductions
+        if isinstance(item, Histogram) or (isinstance(item, ParetoArchive) and len(item.objectives) > 1)
+    ]
+    if not found:
+        raise InputError("sweep: expected a Histogram or a ParetoArchive of two columns among its reductions")
+    return found
+
+
+def sweep_figure(sweep: Sweep) -> Figure:
+    """Draw histograms, and Pareto fronts of two or more columns over the first two of them.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Complete or not; of the first twelve such reductions each has a panel.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        If `sweep` is something else, or has none of both; if matplotlib is not installed.
+    """
+    if not isinstance(sweep, Sweep):
+        raise InputError(f"sweep: expected a Sweep, got {shown(sweep)}")
+    chosen = require_panels(sweep.manifest.reductions)[:MOST]
+    panels = [(reduction, sweep.reductions[reduction.name]) for reduction in chosen]
+    across = min(2, len(panels))
+    rows = math.ceil(len(panels) / across)
+    figure = new_figure(figsize=(4.8 * across, 3.4 * rows))
+    axes = figure.subplots(rows, across, squeeze=False).ravel()
+    for axis, (reduction, found) in zip(axes, panels, strict=False):
+        if isinstance(reduction, ParetoArchive):
+            _draw_front(axis, reduction, found, sweep.manifest.with_unit)
+        else:
+            _draw_counts(axis, found, sweep.manifest.with_unit)
+        tidy(axis)
+        axis.set_axisbelow(True)
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    return figure
+
+
+def _draw_counts(axis: Axes, found: Counts, named: Callable[[str], str]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axis.stairs(found.counts, found.edges, fill=True, color=COLOURS[0], alpha=0.85)
+    axis.set_xlabel(named(found.column))
+    axis.set_ylabel("items")
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+    outside = {"below": found.below, "above": found.above, "without a number": found.invalid}
+    told = ", ".join(f"{count} {name}" for name, count in outside.items() if count)
+    axis.set_title(f"{found.counts.sum()} items" + (f"; {told}" if told else ""), fontsize=9, loc="left")
+
+
+def _draw_front(axis: Axes, reduction: ParetoArchive, found: Rows, named: Callable[[str], str]) -> None:
+    (x, along), (y, up), *others = reduction.objectives.items()
+    axis.plot(found.columns[x], found.columns[y], marker="o", ms=3.5, ls="none", color=COLOURS[1])
+    words = {"min": "small", "max": "large"}
+    axis.set_xlabel(f"{named(x)} ({words[along]} is good)")
+    axis.set_ylabel(f"{named(y)} ({words[up]} is good)")
+    more = f", and {', '.join(name for name, _ in others)}" if others else ""
+    axis.set_title(f"Pareto front: {len(found)} items{more}", fontsize=9, loc="left")

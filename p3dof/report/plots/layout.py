@@ -23,21 +23,14 @@ _BORDER, _GAP, _PAD = 0.05, 0.12, 4.0
 
 @dataclass
 class Room:
-    """What is needed on the sides of a panel [in].
+    """What is needed on the sides of a panel [in]."""
 
-    Parameters
-    ----------
-    left, right, bottom, top : float
-        For all that belongs to it.
-    ticks : dict of str to float
-        For ticks and their labels alone, by side: names of axes stand behind them.
-    """
-
-    left: float = 0.6
+    left: float = 0.6  # for all that belongs to it
     right: float = 0.2
     bottom: float = 0.25
     top: float = 0.25
     ticks: dict[str, float] = field(default_factory=dict)
+    """For ticks and their labels alone, by side: names of axes stand behind them."""
 
 
 class Panels(LayoutEngine):
@@ -114,15 +107,7 @@ def _add_ticks(room: Room, axis: Axes, renderer: Any) -> None:
 
 
 class _Labels:
-    """The labels of an axis' ticks, without drawing any.
-
-    Parameters
-    ----------
-    axis : matplotlib.axis.Axis
-        The axis.
-    renderer : matplotlib.backends.backend_agg.RendererAgg
-        What measures texts.
-    """
+    """The labels of an axis' ticks, without drawing any."""
 
     def __init__(self, axis: Axis, renderer: Any) -> None:
         self._settings = axis.get_tick_params()

@@ -19,18 +19,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST = 9
-"""Most panels of a figure."""
+_MOST = 9  # most panels of a figure
 _ACTUATION, _SERIAL, _PATH, _BOX = "#d55e00", "#7b3294", "black", "#0072b2"
-_GOOD = {"lti": 0.7}
-"""Levels that the field calls good."""
+_GOOD = {"lti": 0.7}  # levels that the field calls good
 _LEVELS = 9
-_LOG = 30.0
-"""Ratio of largest by least value from which colours are logarithmic; not those of shares from 0 to 1."""
+_LOG = 30.0  # ratio of largest by least value from which colours are logarithmic, not of shares
 _SHARES = {"lti", "lci", "iti", "oti", "gie", "serial"}
 _SHORT = {"lti", "lci", "iti", "oti", "gie"}
-_BEYOND = 0.35
-"""How far beyond a workspace a locus is still shown, as a share of its height."""
+_BEYOND = 0.35  # how far beyond a workspace a locus is still shown, as a share of its height
 
 
 def map_figure(
@@ -57,10 +53,6 @@ def map_figure(
         Points of the map in each direction.
     **options
         As of `Manipulator.indices`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------
@@ -102,36 +94,7 @@ def slices_figure(
     count: int = 161,
     **options: Any,
 ) -> Figure:
-    """Draw an index over slices of a workspace: (y, z) at orientations, or (y, θ) at heights.
-
-    Parameters
-    ----------
-    workspace : Workspace
-        Where.
-    index : str
-        Name of a column of indices.
-    theta : sequence of float, optional
-        Orientations of slices [rad]; both ends of the tilt and 0 where neither these nor heights are given.
-    z : sequence of float, optional
-        Heights of slices [m].
-    motion : Motion, optional
-        Whose path to draw, whatever its orientation or height.
-    count : int
-        Points in each direction.
-    **options
-        As of `Manipulator.indices`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If an argument is something else, or there are none or more than nine slices.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Draw an index over slices of a workspace: (y, z) at orientations, or (y, θ) at heights."""
     _require(workspace, motion)
     (name,) = check_names(index)[:1]
     tilt = workspace.limits.tilt
@@ -165,26 +128,7 @@ def slices_figure(
 
 
 def loci_figure(workspace: Workspace, motion: Motion | None = None) -> Figure:
-    """Draw the loci of both singularities all around, home's aspect and the workspace in it.
-
-    Parameters
-    ----------
-    workspace : Workspace
-        Whose.
-    motion : Motion, optional
-        Whose path to draw.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If an argument is something else.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Draw the loci of both singularities all around, home's aspect and the workspace in it."""
     _require(workspace, motion)
     figure = new_figure(figsize=(6.4, 5.0))
     axis = figure.subplots()

@@ -19,24 +19,7 @@ _START: dict[str, Any] = {"marker": "D", "ms": 6, "ls": "none", "color": "0.15",
 
 
 def optimum_figure(optimum: Optimum) -> Figure:
-    """Draw how the objective depends on each variable at an optimum and at the start, and all margins.
-
-    Parameters
-    ----------
-    optimum : Optimum
-        Of `DesignProblem.minimise`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `optimum` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
-    """
+    """Draw how the objective depends on each variable at an optimum and at the start, and all margins."""
     if not isinstance(optimum, Optimum):
         raise InputError(f"optimum: expected an Optimum, got {shown(optimum)}")
     rows = max(len(optimum.design), len(optimum.problem.constraints))
@@ -100,16 +83,10 @@ def front_figure(front: Front) -> Figure:
         Of `DesignProblem.pareto`; of three objectives or more, the first two have the upper panel, the third
         its colours.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
-    InputError
-        If `front` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
+    InputError, MissingExtraError
+        If `front` is something else; if matplotlib is not installed.
     """
     if not isinstance(front, Front):
         raise InputError(f"front: expected a Front, got {shown(front)}")

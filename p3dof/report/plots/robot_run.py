@@ -17,10 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#8c564b")
-_MOST = 8
-"""Most joints of a kind that are drawn: no more colours can be told apart."""
-_LEAST = 1e-17
-"""Gaps below are drawn here: a logarithmic axis has no zero [m or rad]."""
+_MOST = 8  # most joints of a kind that are drawn: no more colours can be told apart
+_LEAST = 1e-17  # gaps below are drawn here: a logarithmic axis has no zero [m or rad]
 _UNITS = {False: ("rad", "N m"), True: ("m", "N")}
 
 
@@ -43,10 +41,8 @@ def robot_run_figure(run: RobotRun) -> Figure:
 
     Raises
     ------
-    InputError
-        If `run` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
+    InputError, MissingExtraError
+        If `run` is something else; if matplotlib is not installed.
     """
     if not isinstance(run, RobotRun):
         raise InputError(f"run: expected a RobotRun, got {shown(run)}")

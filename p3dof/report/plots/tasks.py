@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
+from p3dof.design.balance import BestBalance
+from p3dof.design.drives import Cycle, Sizing
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
@@ -18,8 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CARRYING, _MOST_NAMES = "#e8d9a8", 12
-_TICKS = 25
-"""Marks of the platform's rotation along the path."""
+_TICKS = 25  # marks of the platform's rotation along the path
 
 
 def task_figure(found: TaskForces) -> Figure:
@@ -27,22 +29,6 @@ def task_figure(found: TaskForces) -> Figure:
 
     The fastest plan within a jerk has a panel with that of the sliders. What is shaded is the time in which
     the platform carries something; dotted lines are the waypoints.
-
-    Parameters
-    ----------
-    found : TaskForces
-        The forces over the task.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If `found` is something else.
-    MissingExtraError
-        If matplotlib is not installed.
     """
     if not isinstance(found, TaskForces):
         raise InputError(f"found: expected TaskForces, got {shown(found)}")
@@ -144,3 +130,73 @@ def _mark(axis: Axes, found: TaskForces) -> None:
     for time in found.plan.times:
         axis.axvline(time, color="0.5", lw=0.6, ls=":", zorder=0)
     axis.set_xlim(0, found.plan.duration)
+
+
+_RPM = 30 / math.pi
+_POINTS = 401
+_CONTINUOUS, _PEAK = "0.80", "0.92"
+
+
+def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
+    """Draw the torque of each motor over its speed, with its continuous and peak torque curves.
+
+    The cycle is a closed curve; its root mean square is a dot, which must lie within the darker field. The
+    curve must lie within the lighter one.
+    """
+    for name, value, kind in (("sizing", sizing, Sizing), ("cycle", cycle, Cycle)):
+        if not isinstance(value, kind):
+            raise InputError(f"{name}: expected a {kind.__name__}, got {shown(value)}")
+    figure = new_figure(figsize=(10.5, 4.2))
+    axes = figure.subplots(1, 3, sharey=True)
+    for leg, axis in enumerate(axes):
+        _draw(axis, sizing, cycle, leg)
+        tidy(axis)
+        axis.set_title(f"{LEGS[leg]}: {sizing.drives[leg].name}", fontsize=9)
+        axis.set_xlabel("motor speed [rpm]")
+    axes[0].set_ylabel("motor torque [N m]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
+    """Draw the curves of a motor and the cycle of its axis."""
+    drive, loads = sizing.drives[leg], sizing.axes[leg]
+    speed = np.asarray(np.linspace(-drive.motor.max_speed, drive.motor.max_speed, _POINTS), dtype=np.float64)
+    for curve, shade, label in (
+        (drive.motor.peak(speed), _PEAK, "for a moment"),
+        (drive.motor.continuous(speed), _CONTINUOUS, "for ever"),
+    ):
+        axis.fill_between(_RPM * speed, -curve, curve, color=shade, lw=0, label=label)
+    torque = drive.torque(cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg])
+    turning = _RPM * drive.ratio * cycle.speed[:, leg]
+    axis.plot(turning, torque, color=COLOURS[leg], lw=1.2, label="the cycle" if leg == 0 else None)
+    axis.plot(
+        [_RPM * loads.rms_speed], [loads.rms_torque], "o", color="black", ms=5, label="its root mean square"
+    )
+    axis.axhline(0, color="0.6", lw=0.6)
+    axis.axvline(0, color="0.6", lw=0.6)
+
+
+def balance_figure(found: BestBalance) -> Figure:
+    """Draw the actuator forces without and with a counterbalance, and their root mean squares."""
+    if not isinstance(found, BestBalance):
+        raise InputError(f"found: expected a BestBalance, got {shown(found)}")
+    figure = new_figure(figsize=(8.4, 7.2))
+    panels = figure.subplots(3, 1, sharex=True)
+    for k, (axis, leg) in enumerate(zip(panels, LEGS, strict=True)):
+        curves = (
+            ("without", "0.55", "--", found.before[:, k], found.rms_before[k]),
+            ("with", COLOURS[k], "-", found.after[:, k], found.rms_after[k]),
+        )
+        for label, colour, style, values, rms in curves:
+            text = f"{label}: RMS {rms:.4g} N, peak {abs(values).max():.4g} N"
+            axis.plot(found.time, values, color=colour, ls=style, lw=1.5, label=text)
+        axis.axhline(0, color="0.6", lw=0.6, zorder=0)
+        chosen = ", ".join(f"{name} {row[k]:.4g} {unit}" for name, unit, row in found.named_values)
+        axis.set_title(f"{leg}: {chosen}", fontsize=10, loc="left")
+        axis.set_ylabel("force [N]")
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
+        tidy(axis)
+    panels[-1].set_xlabel("time [s]")
+    return figure

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST_BARS = 15
-"""Most bars of a panel: the longest ones."""
+MOST_BARS = 15  # most bars of a panel: the longest ones
 
 _AXES = (("y", 1e6, "µm"), ("z", 1e6, "µm"), ("θ", 1e3, "mrad"))
 
@@ -29,16 +28,10 @@ def tolerance_figure(tolerance: ForceTolerance | PoseTolerance) -> Figure:
     tolerance : ForceTolerance or PoseTolerance
         What `p3dof.tolerance` returns; of several poses the first is drawn.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
-    InputError
-        If it is something else.
-    MissingExtraError
-        If matplotlib is not installed.
+    InputError, MissingExtraError
+        If it is something else; if matplotlib is not installed.
     """
     if isinstance(tolerance, ForceTolerance):
         return _of_forces(tolerance)
@@ -48,24 +41,17 @@ def tolerance_figure(tolerance: ForceTolerance | PoseTolerance) -> Figure:
 
 
 def sensitivity_figure(sensitivity: SobolIndices | LocalSensitivity) -> Figure:
-    """Draw which parameters a figure of the forces depends on.
+    """Draw which parameters a figure of the forces depends on, and by Sobol' indices its spread.
 
     Parameters
     ----------
     sensitivity : SobolIndices or LocalSensitivity
         What `p3dof.sensitivity` returns.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Of Sobol' indices also how the result is spread.
-
     Raises
     ------
-    InputError
-        If it is something else.
-    MissingExtraError
-        If matplotlib is not installed.
+    InputError, MissingExtraError
+        As `tolerance_figure`.
     """
     if isinstance(sensitivity, SobolIndices):
         return _of_indices(sensitivity)
@@ -106,7 +92,7 @@ def _peaks(axis: Axes, found: ForceTolerance) -> None:
     normal = np.exp(-(((x - center) / size) ** 2) / 2) / (size * np.sqrt(2 * np.pi))
     if found.peaks is not None:
         good = found.peaks[np.isfinite(found.peaks[:, 3]), 3]
-        label = f"{len(good)} machines drawn"
+        label = f"{len(good)} machines sampled"
         axis.hist(good, _bins(len(good)), density=True, color=COLOURS[0], alpha=0.6, label=label)
     axis.plot(x, normal, color="0.25", lw=1.2, label="first order")
     axis.axvline(center, color="0.25", lw=1, ls=":", label=f"nominal {center:.5g} N")
@@ -187,7 +173,7 @@ def _of_derivatives(found: LocalSensitivity) -> Figure:
     axis.barh(places, sizes, color=[COLOURS[1] if size > 0 else COLOURS[0] for size in sizes], height=0.7)
     axis.axvline(0, color="0.25", lw=0.8)
     _named(axis, [found.names[i] for i in order])
-    axis.set_xlabel(f"change of {_short(found.result)} [%] when the parameter grows by 1 %")
+    axis.set_xlabel(f"change of {_short(found.result)} [%] when the parameter increases by 1 %")
     axis.set_title(f"{_short(found.result)} = {found.value:.6g} {found.unit}", fontsize=9, loc="left")
     return figure
 

@@ -6,11 +6,9 @@
 - `many`: `simulate_many`; `results`, `tables`, `files`.
 """
 
-from p3dof.runs.many.files import read_runs
+from p3dof.runs.many.columns import kind_of, read_runs, reason_of, stop_codes
 from p3dof.runs.many.many import EQUAL_STEPS, simulate_many
-from p3dof.runs.many.results import ManyRuns, RunHistories
-from p3dof.runs.many.stops import kind_of, reason_of, stop_codes
-from p3dof.runs.many.tables import failures, figures_table, stops_table
+from p3dof.runs.many.results import ManyRuns, RunHistories, failures, figures_table, stops_table
 
 __all__ = [
     "EQUAL_STEPS",

@@ -1,4 +1,4 @@
-"""What differs between many runs, as columns: start, gains, seed, wrench, the numbers of the machine."""
+"""What differs between many runs, as columns: starts, gains, seeds, loads, machines; and why one ended."""
 
 from __future__ import annotations
 
@@ -12,21 +12,86 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError, ParameterError
+from p3dof._base.files import called
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, RATE, SPEED, Quantity
 from p3dof.analysis.designs import Designs, DesignStatus
-from p3dof.analysis.designs.columns import by_header
-from p3dof.analysis.designs.names import DENSITY, QUANTITIES, SIZES, Column, as_column, column_of
-from p3dof.analysis.designs.status import status_of
-from p3dof.machine.parameters import Parameters
-from p3dof.machine.parameters.quantities import ANGLE, FORCE, LENGTH, MOMENT, RATE, SPEED, Quantity
-from p3dof.runs.many.stops import BAD_COLUMN, DESIGN, NOT_FINITE, NOT_RUN
+from p3dof.analysis.designs.columns import DENSITY, QUANTITIES, SIZES, Column, as_column, by_header, column_of
+from p3dof.analysis.designs.files import read_designs, require_size
+from p3dof.analysis.designs.results import status_of
+from p3dof.closed_form.compiled.many import ACCURACY, CONTROLLER, FINISHED, NOWHERE, START
+from p3dof.machine.parameters import LEGS, Parameters
 
-START = ("start.y", "start.z", "start.theta", "start.vy", "start.vz", "start.vtheta")
+__all__ = ["BAD_COLUMN", "DESIGN", "FINISHED", "NOT_FINITE", "NOT_RUN", "kind_of", "reason_of", "stop_codes"]
+
+NOT_RUN, NOT_FINITE, BAD_COLUMN, DESIGN = -2, 16, 17, 20
+"""Why a run was not made, besides the numbers of the engine; from `DESIGN` on the `DesignStatus`."""
+
+_LIMITS = (
+    *(("slider stop", f"slider {leg} at its lower end") for leg in LEGS),
+    *(("slider stop", f"slider {leg} at its upper end") for leg in LEGS),
+    ("tilt limit", "the platform at its lower limit"),
+    ("tilt limit", "the platform at its upper limit"),
+    *(("reach limit", f"leg {leg} horizontal") for leg in LEGS),
+    ("singular pose", "the sliders cannot hold the platform's rotation (det J = 0)"),
+)
+_OTHERS = {
+    NOT_RUN: ("not run", "it was interrupted"),
+    FINISHED: ("finished", "it went on to its end"),
+    ACCURACY: ("accuracy", "no step is small enough for the tolerances"),
+    CONTROLLER: ("controller", "it gave forces that are not finite, or failed"),
+    START: ("impossible start", "it would start beyond a limit"),
+    NOWHERE: ("impossible start", "it would start out of reach"),
+    NOT_FINITE: ("not a number", "a column has NaN or infinity"),
+    BAD_COLUMN: ("bad gain or seed", "a gain that is not positive, or a seed that is no whole number"),
+}
+
+
+_MACHINES = tuple(
+    DESIGN + status
+    for status in DesignStatus
+    if status not in (DesignStatus.FEASIBLE, DesignStatus.OUT_OF_REACH, DesignStatus.SINGULAR)
+)
+
+
+def kind_of(stop: int) -> str:
+    """Return what ended a run; a kind of `p3dof.runs.Stop`, ``"finished"``, or why it was not made."""
+    return _words(stop)[0]
+
+
+def reason_of(stop: int) -> str:
+    """Return in words why a run ended: the kind, and what it means.
+
+    Parameters
+    ----------
+    stop : int
+        As of `kind_of`.
+    """
+    kind, reason = _words(stop)
+    return f"{kind}: {reason}"
+
+
+def stop_codes() -> tuple[int, ...]:
+    """Return all numbers that say why a run ended, rising."""
+    return tuple(sorted((*range(len(_LIMITS)), *_OTHERS, *_MACHINES)))
+
+
+def _words(stop: int) -> tuple[str, str]:
+    if 0 <= stop < len(_LIMITS):
+        return _LIMITS[stop]
+    if stop == DESIGN + DesignStatus.NOT_FINITE:
+        return _OTHERS[NOT_FINITE]
+    if stop >= DESIGN:
+        return "impossible machine", DesignStatus(stop - DESIGN).in_words
+    return _OTHERS[stop]
+
+
+STARTS = ("start.y", "start.z", "start.theta", "start.vy", "start.vz", "start.vtheta")
 GAINS = ("controller.frequency", "controller.damping", "controller.integral_time", "controller.stiffness")
 WRENCH = ("wrench.fy", "wrench.fz", "wrench.my")
 SEED = "seed"
 
 _UNITS: dict[str, Quantity | None] = {
-    **dict(zip(START, (LENGTH, LENGTH, ANGLE, SPEED, SPEED, RATE), strict=True)),
+    **dict(zip(STARTS, (LENGTH, LENGTH, ANGLE, SPEED, SPEED, RATE), strict=True)),
     **dict.fromkeys(GAINS),
     **dict(zip(WRENCH, (FORCE, FORCE, MOMENT), strict=True)),
     SEED: None,
@@ -34,26 +99,11 @@ _UNITS: dict[str, Quantity | None] = {
 _PLAIN = {"controller.frequency": "Hz", "controller.integral_time": "s", "controller.stiffness": "N/m"}
 """The only units that these columns can have."""
 
-_SHORT = {name.partition(".")[2]: name for name in GAINS}
-"""What the names of gains are without ``controller``."""
+_SHORT = {name.partition(".")[2]: name for name in GAINS}  # names of gains without ``controller``
 
 
 class RunColumns:
-    """Many runs by columns; runs that cannot be made have their reason in `status`.
-
-    Parameters
-    ----------
-    runs : int, mapping, table or sequence of Parameters
-        How many equal runs (but for their noise); or columns by name, as `p3dof.Designs` takes them, with
-        those of `START`, `GAINS`, `WRENCH` and `SEED` besides; or a machine for each run.
-    machine : Parameters
-        What has no column.
-
-    Raises
-    ------
-    InputError
-        If a column has an unknown name or unit or another length, or holds something else than numbers.
-    """
+    """Many runs by columns; runs that cannot be made have their reason in `status`."""
 
     def __init__(self, runs: Any, machine: Parameters) -> None:
         self.own: dict[str, FloatArray] = {}
@@ -117,21 +167,10 @@ class RunColumns:
                 )
         self.designs, self.count = designs, len(designs)
 
-    first: int = 0
-    """The number of the first run, where these are some of many."""
+    first: int = 0  # the number of the first run, where these are some of many
 
     def part(self, start: int, stop: int) -> RunColumns:
-        """Return some of the runs, which keep their numbers.
-
-        Parameters
-        ----------
-        start, stop : int
-            The first of them, and the one behind the last.
-
-        Returns
-        -------
-        RunColumns
-        """
+        """Return some of the runs, which keep their numbers."""
         found = copy(self)
         found.own = {name: column[start:stop] for name, column in self.own.items()}
         if self.designs is not None and len(self.designs) > 1:
@@ -185,22 +224,7 @@ def _possible(name: str, column: Any) -> Any:
 
 
 def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
-    """Return which columns are the reason that a run was not made; empty where that is none of them alone.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (R,)
-        By their full names.
-    run : int
-        Which run.
-    stop : int
-        Why it was not made.
-
-    Returns
-    -------
-    str
-        Such as ``"geometry.L is nan"``.
-    """
+    """Return columns, as ``"geometry.L is nan"``, each alone a reason why a run was not made."""
     fits = {NOT_FINITE: _finite, DESIGN + DesignStatus.NOT_FINITE: _finite, BAD_COLUMN: _possible}.get(stop)
     if fits is None:
         return ""
@@ -209,22 +233,7 @@ def faults(columns: Mapping[str, FloatArray], run: int, stop: int) -> str:
 
 
 def run_columns_of(headers: Iterable[Any]) -> list[Column]:
-    """Return what headers of runs mean, each once.
-
-    Parameters
-    ----------
-    headers : iterable of str
-        Names with units.
-
-    Returns
-    -------
-    list of Column
-
-    Raises
-    ------
-    InputError
-        If one means nothing, or two mean the same.
-    """
+    """Return what headers of runs mean, each once."""
     found: dict[str, tuple[Column, object]] = {}
     for header in headers:
         name, factor = _own(header)
@@ -237,23 +246,7 @@ def run_columns_of(headers: Iterable[Any]) -> list[Column]:
 
 
 def variable_of(name: str) -> tuple[str, Quantity | None]:
-    """Return the full name of a column of runs, and the quantity that it is; None for plain numbers.
-
-    Parameters
-    ----------
-    name : str
-        What the user calls it, without a unit.
-
-    Returns
-    -------
-    name : str
-    quantity : Quantity or None
-
-    Raises
-    ------
-    InputError
-        If there is no such column.
-    """
+    """Return the full name of a column of runs, and the quantity that it is; None for plain numbers."""
     own = _SHORT.get(name, name)
     if own in _UNITS:
         return own, _UNITS[own]
@@ -296,10 +289,26 @@ def _column_of_machine(header: str) -> Column:
     try:
         column = column_of(header)
     except InputError as error:
-        own = ", ".join((*START[:4], "...", *GAINS[:2], "...", *WRENCH[:1], "...", SEED))
+        own = ", ".join((*STARTS[:4], "...", *GAINS[:2], "...", *WRENCH[:1], "...", SEED))
         raise InputError(f"{str(error).replace('designs:', 'runs:', 1)}; or of a run: {own}") from error
     if column.name in (*SIZES, DENSITY):
         raise InputError(
             f"runs: the column {column.name} is of solids; runs take masses and inertias instead"
         )
     return column
+
+
+_ROWS = 100_000
+
+
+def read_runs(source: Any, any_size: bool = False) -> dict[str, FloatArray]:
+    """Return the columns of a table: names in its first line, a run in every other one.
+
+    By header.
+    """
+    parts = []
+    for rows in read_designs(source, _ROWS, run_columns_of):
+        if not any_size:
+            require_size(run_columns_of(rows.columns), rows, called(source))
+        parts.append(rows.columns)
+    return {header: np.concatenate([part[header] for part in parts]) for header in parts[0]}

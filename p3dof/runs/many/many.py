@@ -9,32 +9,38 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array, positive, shown
+from p3dof._base.checks import FloatArray, Progress, frozen_array, positive, shown, whole
 from p3dof._base.errors import InputError
+from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.closed_form.compiled.kernels import NUMPY, MachineKernels
 from p3dof.closed_form.compiled.many import HISTORY_WIDTH, RESULTS
 from p3dof.machine.motion import Motion
-from p3dof.machine.motion.wrenches import WrenchOverTime
 from p3dof.machine.parameters import Parameters
-from p3dof.runs import KINDS, PD, TIME_LIMIT, ControlLoop, InitialState, Integration, Springs
-from p3dof.runs.control import ControllerLike
-from p3dof.runs.many.clients import RunWork, run_with
+from p3dof.runs import (
+    AT_HOME,
+    CONTINUOUS,
+    KINDS,
+    PD,
+    TIME_LIMIT,
+    ControlLoop,
+    InitialState,
+    Integration,
+    Springs,
+)
+from p3dof.runs.controllers import ControllerLike
 from p3dof.runs.many.columns import GAINS, RunColumns
-from p3dof.runs.many.friction import CAREFULLY
-from p3dof.runs.many.plan import Task, why_not
+from p3dof.runs.many.plan import CAREFULLY, SharedTask, why_not
 from p3dof.runs.many.results import ManyRuns, RunHistories
-from p3dof.runs.work import Work, estimate, require_affordable
+from p3dof.runs.many.running import RunWork, run_with
+from p3dof.runs.settings import Work, estimate, require_affordable, require_settings
 
-EQUAL_STEPS, CONTINUOUS, AT_HOME = Integration(scheme="rk4"), ControlLoop(), InitialState()
+EQUAL_STEPS = Integration(scheme="rk4")
 
-_PER_STEP = 1e-7
-"""About how long a step of a run takes in lanes [s]."""
+_PER_STEP = 1e-7  # about how long a step of a run takes in lanes [s]
 
-_CAREFUL = 1000
-"""As how many steps one counts that is gone carefully because of steep friction."""
+_CAREFUL = 1000  # as how many steps one counts that is gone carefully because of steep friction
 
-_LONGEST = 100_000_000
-"""Most ticks of a run."""
+_LONGEST = 100_000_000  # most ticks of a run
 
 
 def simulate_many(
@@ -126,7 +132,7 @@ def simulate_many(
     task = _task(duration, start, controller, control, reference, wrench, stop_at, integration)
     columns = RunColumns(runs, machine)
     _check_gains(columns, controller)
-    kept, every = _kept(histories, columns.count), _whole("every", every, 1)
+    kept, every = _kept(histories, columns.count), whole("every", every, 1)
     if progress is not None and not callable(progress):
         raise InputError(f"progress: expected a function, got {shown(progress)}")
     kernels = MachineKernels(machine, level, threads)
@@ -161,13 +167,7 @@ def require_runs(
     integration: Integration = EQUAL_STEPS,
     lanes: bool = True,
 ) -> None:
-    """Raise `InputError` if arguments of `simulate_many` do not fit, before anything is made.
-
-    Parameters
-    ----------
-    machine, duration, runs, start, controller, control, reference, wrench, stop_at, integration, lanes
-        As of `simulate_many`.
-    """
+    """Raise `InputError` if arguments of `simulate_many` do not fit, before anything is made."""
     del lanes
     _task(duration, start, controller, control, reference, wrench, stop_at, integration)
     _check_gains(RunColumns(runs, machine), controller)
@@ -182,13 +182,11 @@ def _task(
     wrench: WrenchOverTime,
     stop_at: Sequence[str],
     integration: Integration,
-) -> Task:
+) -> SharedTask:
     begin = start if isinstance(start, InitialState) else InitialState(start)
     if begin.joints is not None:
         raise InputError("start: many runs start at a pose and velocity of the platform, not in joints")
-    for name, value, kind in (("control", control, ControlLoop), ("integration", integration, Integration)):
-        if not isinstance(value, kind):
-            raise InputError(f"{name}: expected {kind.__name__}(...), got {shown(value)}")
+    require_settings(control, integration)
     kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Sequence) else list(stop_at)
     if isinstance(stop_at, str) or any(kind not in KINDS for kind in kinds):
         raise InputError(f"stop_at: expected a list of {', '.join(KINDS)}, got {shown(stop_at)}")
@@ -205,7 +203,7 @@ def _task(
     followed = controller.motion if reference is None and isinstance(controller, PD) else reference
     state = np.concatenate([np.asarray(begin.pose), np.asarray(begin.velocity)])
     end = positive("duration", duration, InputError)
-    task = Task(end, controller, control, followed, wrench, tuple(kinds), integration, state)
+    task = SharedTask(end, controller, control, followed, wrench, tuple(kinds), integration, state)
     if task.ticks > _LONGEST:
         raise InputError(f"duration: expected at most {_LONGEST:g} ticks or steps, got {task.ticks:g}")
     return task
@@ -220,7 +218,7 @@ def _check_gains(columns: RunColumns, controller: Any) -> None:
             raise InputError(f"runs: the column {name} is for a controller of the kind {whose}")
 
 
-def _require_time(task: Task, parts: NDArray[np.int64], times: int = 1) -> float:
+def _require_time(task: SharedTask, parts: NDArray[np.int64], times: int = 1) -> float:
     """Raise if the runs would take too long, whose steps are cut into parts; return about how long."""
     each = task.duration * np.maximum(1 / task.tick, parts / task.step)
     each[parts == CAREFULLY] = _CAREFUL * task.duration / task.step
@@ -228,12 +226,12 @@ def _require_time(task: Task, parts: NDArray[np.int64], times: int = 1) -> float
     return _require(task, Work(steps, steps * _PER_STEP))
 
 
-def _require_time_singly(task: Task, count: int) -> float:
+def _require_time_singly(task: SharedTask, count: int) -> float:
     one = estimate("compiled", task.duration, task.ticks, task.control.changes, task.tick)
     return _require(task, Work(count * one.steps, count * one.seconds))
 
 
-def _require(task: Task, work: Work) -> float:
+def _require(task: SharedTask, work: Work) -> float:
     require_affordable(work, 1, task.integration.time_limit, "time_limit of Integration")
     return work.seconds
 
@@ -242,17 +240,11 @@ def _kept(histories: bool | int | Sequence[int], count: int) -> NDArray[np.int64
     if isinstance(histories, bool):
         return np.arange(count if histories else 0)
     if isinstance(histories, int | np.integer):
-        return np.arange(min(_whole("histories", histories, 0), count))
+        return np.arange(min(whole("histories", histories, 0), count))
     kept = np.unique(np.asarray(histories))
     if len(kept) and (kept.dtype.kind not in "iu" or kept[0] < 0 or kept[-1] >= count):
         raise InputError(f"histories: expected numbers of runs from 0 to {count - 1}")
     return np.asarray(kept, dtype=np.int64)
-
-
-def _whole(name: str, value: Any, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name}: expected a whole number of at least {least}, got {shown(value)}")
-    return int(value)
 
 
 def _results(

@@ -1,4 +1,4 @@
-"""What all runs share, for the engine: steps, the controller's tables, the loads; and what it cannot do."""
+"""What all runs share, for the engine: steps, tables, loads; steps that friction shortens; what it cannot."""
 
 from __future__ import annotations
 
@@ -7,69 +7,39 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof.closed_form import kinematics
-from p3dof.closed_form.compiled.formulas import is_symmetric
+from p3dof._base.time_series.wrenches import WRENCH_ROWS, WrenchOverTime
+from p3dof.closed_form.compiled import reduced
+from p3dof.closed_form.compiled.formulas import MODEL, is_symmetric
 from p3dof.closed_form.compiled.lanes import lane_kernel
-from p3dof.closed_form.compiled.many import (
-    FEEDBACK,
-    INPUTS,
-    MOST_LATE,
-    MOST_STEPS,
-    TORQUE,
-    Engine,
-)
-from p3dof.closed_form.compiled.reduced import model_of
-from p3dof.machine.motion import Load, Motion, states_of
-from p3dof.machine.motion.wrenches import WRENCH_ROWS, WrenchOverTime
-from p3dof.methods.virtual_power import VirtualPowerMethod
+from p3dof.closed_form.compiled.many import FEEDBACK, INPUTS, MOST_LATE, MOST_STEPS, TORQUE, Engine
+from p3dof.closed_form.compiled.reduced import Model, model_of
+from p3dof.closed_form.compiled.reduced.dynamics import TOGETHER, gradients
+from p3dof.machine.motion import Load, Motion
 from p3dof.runs import PD, ComputedTorque, ControlLoop, Feedforward, Integration, Reference, Springs
+from p3dof.runs.compiled_controllers import table_of
+from p3dof.runs.settings import EDGE
 
-NEAR = 0.2
-"""Below which share of its length that a leg hangs down a run goes on carefully."""
+NEAR = 0.2  # below which share of its length that a leg hangs down a run goes on carefully
 
-_OF_LAG = 0.5
-"""Longest step in time constants of the drives."""
-
-_EDGE = 1e-9
+_OF_LAG = 0.5  # longest step in time constants of the drives
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """What is asked of every run.
+class SharedTask:
+    """What is asked of every run."""
 
-    Parameters
-    ----------
-    duration : float
-        How long [s].
-    controller : object
-        As of `p3dof.runs.simulate`.
-    control : ControlLoop
-        How it acts.
-    reference : Motion or None
-        What errors are counted from.
-    wrench : array-like, callable or None
-        On the platform.
-    stop_at : tuple of str
-        Which limits count.
-    integration : Integration
-        Steps and tolerances.
-    start : ndarray, shape (6,)
-        Pose and velocity of runs without columns for these.
-    parts : int
-        Into how many each step is cut.
-    """
-
-    duration: float
-    controller: Any
-    control: ControlLoop
-    reference: Motion | None
-    wrench: WrenchOverTime
-    stop_at: tuple[str, ...]
-    integration: Integration
-    start: FloatArray
-    parts: int = 1
+    duration: float  # how long [s]
+    controller: Any  # as of `p3dof.runs.machine`
+    control: ControlLoop  # how it acts
+    reference: Motion | None  # what errors are counted from
+    wrench: WrenchOverTime  # on the platform
+    stop_at: tuple[str, ...]  # which limits count
+    integration: Integration  # steps and tolerances
+    start: FloatArray  # (6,): pose and velocity of runs without columns for these
+    parts: int = 1  # into how many each step is cut
 
     @property
     def continuous(self) -> bool:
@@ -81,7 +51,7 @@ class Task:
         """The period of the controller, or of equal steps where there is none [s]."""
         if self.control.rate is not None:
             return self.control.period
-        return self.duration / max(1, math.ceil(self.duration / self.integration.step - _EDGE))
+        return self.duration / max(1, math.ceil(self.duration / self.integration.step - EDGE))
 
     @property
     def step(self) -> float:
@@ -95,12 +65,12 @@ class Task:
         """The ends of all steps (K,), from 0 to the end [s]."""
         begin = np.concatenate([[0.0], np.cumsum(_steps(self)[0])])[:-1]
         inside = (self.times[:-1, None] + begin).ravel()
-        return np.append(inside[inside < self.duration - _EDGE * self.tick], self.duration)
+        return np.append(inside[inside < self.duration - EDGE * self.tick], self.duration)
 
     @property
     def ticks(self) -> int:
         """How many there are in a run."""
-        return max(1, math.ceil(self.duration / self.tick - _EDGE))
+        return max(1, math.ceil(self.duration / self.tick - EDGE))
 
     @property
     def times(self) -> FloatArray:
@@ -108,14 +78,8 @@ class Task:
         return np.append(np.arange(self.ticks) * self.tick, self.duration)
 
 
-def why_not(task: Task) -> str | None:
-    """Return why the engine cannot do a task, None if it can.
-
-    Parameters
-    ----------
-    task : Task
-        What is asked.
-    """
+def why_not(task: SharedTask) -> str | None:
+    """Return why the engine cannot do a task, None if it can."""
     controller, control = task.controller, task.control
     known = type(controller) in (PD, Feedforward, ComputedTorque, Springs)
     reasons = {
@@ -131,7 +95,7 @@ def why_not(task: Task) -> str | None:
     return next((reason for reason, holds in reasons.items() if holds), None)
 
 
-def engine_of(task: Task, every: int, near: float = NEAR) -> Engine:
+def engine_of(task: SharedTask, every: int, near: float = NEAR) -> Engine:
     """Return the engine of a task, in which runs go on carefully that hang down less than this share."""
     lengths, changes = _steps(task)
     control, controller = task.control, task.controller
@@ -169,20 +133,8 @@ def engine_of(task: Task, every: int, near: float = NEAR) -> Engine:
     )
 
 
-def fill(rows: FloatArray, task: Task, columns: dict[str, FloatArray], cut: Any) -> None:
-    """Write the controllers of runs into rows of inputs.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (R, INPUT_WIDTH)
-        Where to write.
-    task : Task
-        What is asked of every run.
-    columns : dict of str to ndarray, shape (R,)
-        Gains and wrenches.
-    cut : ndarray, shape (3,) or (R, 3)
-        Where forces are cut off [N].
-    """
+def fill(rows: FloatArray, task: SharedTask, columns: dict[str, FloatArray], cut: Any) -> None:
+    """Write the controllers of runs into rows of inputs."""
     control, controller = task.control, task.controller
     rows[:, INPUTS["cut"]] = cut
     rows[:, INPUTS["count"]] = control.resolution
@@ -218,12 +170,12 @@ def _fill_gains(rows: FloatArray, controller: Any, columns: dict[str, FloatArray
         rows[:, INPUTS["base"]] = controller
 
 
-def _steps(task: Task) -> tuple[FloatArray, Any]:
+def _steps(task: SharedTask) -> tuple[FloatArray, Any]:
     """Return the lengths of the steps of a tick [s], and where forces change."""
     rest = task.control.lateness[1]
     parts = [rest, 1 - rest] if rest else [1.0]
     longest = task.step
-    counts = [max(1, math.ceil(part * task.tick / longest - _EDGE)) for part in parts]
+    counts = [max(1, math.ceil(part * task.tick / longest - EDGE)) for part in parts]
     lengths = np.concatenate(
         [np.full(count, part * task.tick / count) for part, count in zip(parts, counts, strict=True)]
     )
@@ -234,25 +186,14 @@ def _steps(task: Task) -> tuple[FloatArray, Any]:
     return lengths, changes
 
 
-def _table(task: Task) -> FloatArray | None:
+def _table(task: SharedTask) -> FloatArray | None:
     """Return what the controller follows, a row a tick."""
-    controller, times = task.controller, task.times[:-1]
-    if not isinstance(controller, PD):
+    if not isinstance(task.controller, PD):
         return None
-    model, half = controller.model, task.tick / 2
-    pose, velocity, _ = controller.reference.over(times)
-    ahead = controller.reference.over(times + half)
-    if isinstance(controller, ComputedTorque):
-        return np.hstack([pose, velocity, ahead[2]])
-    sliders = kinematics.inverse_kinematics(model.geometry, pose).sliders
-    rates = np.einsum("nij,nj->ni", kinematics.inverse_jacobian(model.geometry, pose), velocity)
-    base = np.broadcast_to(controller.holding, pose.shape)
-    if isinstance(controller, Feedforward):
-        base = VirtualPowerMethod(model).forces(states_of(*ahead))
-    return np.hstack([base, sliders, rates])
+    return table_of(task.controller, task.times[:-1], task.tick / 2, "raise")
 
 
-def _loads(task: Task, lengths: FloatArray) -> FloatArray | None:
+def _loads(task: SharedTask, lengths: FloatArray) -> FloatArray | None:
     """Return F_y, F_z, M_y at beginning, middle and end of each step of each tick."""
     if not callable(task.wrench):
         return None
@@ -263,3 +204,65 @@ def _loads(task: Task, lengths: FloatArray) -> FloatArray | None:
     if not np.isfinite(found).all():
         Load(task.wrench).at(float(times.ravel()[~np.isfinite(found).all(axis=1)][0]))  # raises
     return np.ascontiguousarray(found.reshape(*times.shape, 3))
+
+
+CAREFULLY = 0  # instead of a number of parts: by DOP853 from the beginning
+
+_OF_DECAY = 0.5  # longest step in time constants of friction
+
+_MOST_PARTS = 64
+
+
+def have_friction(model: tuple[Any, ...], count: int) -> NDArray[np.bool_]:
+    """Return which machines have friction; ndarray of bool, shape (R,)."""
+    found = np.zeros(count, dtype=bool)
+    for number in model[len(MODEL) : -1]:
+        found |= np.broadcast_to(np.asarray(number) != 0, count)
+    return found
+
+
+def parts_of_steps(
+    task: SharedTask, model: tuple[Any, ...], y: Any, theta: Any, count: int
+) -> NDArray[np.int64]:
+    """Return into how many parts the steps of each run are cut, or `CAREFULLY`.
+
+    A run's own friction and start count only, so that it does not depend on the others.
+
+    Powers of two.
+    """
+    parts = np.ones(count, np.int64)
+    if len(model) == len(MODEL):
+        return parts
+    most = min(float(_MOST_PARTS), (MOST_STEPS - 2) * task.step / task.tick)
+    wanted = np.broadcast_to(decay_rates(model, y, theta), count) * task.step / _OF_DECAY
+    parts[wanted > 1] = CAREFULLY
+    part = 1
+    while part <= most:
+        parts[(parts == CAREFULLY) & (wanted <= part)] = part
+        part *= 2
+    return parts
+
+
+def decay_rates(model: tuple[Any, ...], y: Any, theta: Any) -> FloatArray:
+    """Return the sum of friction's three decay rates of machines that hardly move [1/s]; NaN out of reach."""
+    numbers, friction = Model.of_numbers(model[: len(MODEL)]), model[len(MODEL) :]
+    size = len(TOGETHER)
+    with np.errstate(all="ignore"):
+        x = reduced.shape(numbers, y, theta, np)
+        (yy, yz, yt), (_, zz, zt), (_, _, tt) = reduced.mass_matrix(numbers, x, y, np)
+        inverse = (  # times the determinant
+            (zz * tt - zt * zt, yt * zt - yz * tt, yz * zt - yt * zz),
+            (yt * zt - yz * tt, yy * tt - yt * yt, yz * yt - yy * zt),
+            (yz * zt - yt * zz, yz * yt - yy * zt, yy * zz - yz * yz),
+        )
+        determinant = yy * inverse[0][0] + yz * inverse[0][1] + yt * inverse[0][2]
+        total = 0.0 * (np.asarray(y) + theta)
+        for k, gradient in enumerate(gradients(x, y, np)):
+            slope = friction[k] + friction[size + k] * friction[-1]
+            products = (
+                g * entry * h
+                for g, row in zip(gradient, inverse, strict=True)
+                for h, entry in zip(gradient, row, strict=True)
+            )
+            total = total + slope * sum(products)
+        return np.asarray(total / determinant, dtype=float)

@@ -1,4 +1,4 @@
-"""`ManyRuns`: what many runs leave behind."""
+"""`ManyRuns`: what many runs leave behind, and its tables."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.files import pack_arrays, suffix_of, write_atomic, write_table
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of, time_text
 from p3dof.closed_form.compiled.many import START
 from p3dof.machine.parameters import LEGS
-from p3dof.runs.many.columns import faults, unit_of
-from p3dof.runs.many.stops import FINISHED, NOT_RUN, kind_of, reason_of
+from p3dof.runs.many.columns import FINISHED, NOT_RUN, faults, kind_of, reason_of, unit_of
 
 _AXES = (("y", "m"), ("z", "m"), ("theta", "rad"))
 _FIGURES = ("peak_error", "rms_error", "peak_force", "rms_force")
@@ -161,11 +160,6 @@ class ManyRuns(ShownInNotebook):
         path : path-like
             ``.csv`` (17 significant digits) or ``.npz`` (NumPy arrays, with the histories).
 
-        Returns
-        -------
-        Path
-            The path written.
-
         Raises
         ------
         InputError
@@ -183,10 +177,6 @@ class ManyRuns(ShownInNotebook):
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` of all columns along ``run``, with units as attributes.
-
-        Returns
-        -------
-        xarray.Dataset
 
         Raises
         ------
@@ -219,3 +209,55 @@ class ManyRuns(ShownInNotebook):
         there = np.isfinite(kept.time[at[0]])
         names = ("time", "pose", "velocity", "forces", "asked")
         return {name: getattr(kept, name)[at[0]][there] for name in names}
+
+
+_QUANTILES = (0.05, 0.5, 0.95, 1.0)
+
+
+def figures_table(runs: ManyRuns) -> Table:
+    """Return how the figures of the finished runs are distributed."""
+    good = runs.finished
+    columns = {
+        f"largest error in {axis} [{unit}]": scale * runs.peak_error[good, k]
+        for k, (axis, unit, scale) in enumerate((("y", "mm", 1e3), ("z", "mm", 1e3), ("θ", "mrad", 1e3)))
+    }
+    columns |= {f"largest force {leg} [N]": runs.peak_force[good, k] for k, leg in enumerate(LEGS)}
+    columns["work [J]"] = runs.work[good]
+    rows = {
+        name: tuple(f"{value:.4g}" for value in np.quantile(column, _QUANTILES))
+        for name, column in columns.items()
+        if len(column) and np.isfinite(column).all()
+    }
+    return table_of("Figures of the finished runs", ("figure", "5 %", "median", "95 %", "largest"), rows)
+
+
+def stops_table(runs: ManyRuns) -> Table:
+    """Return how many runs ended for each reason."""
+    rows = {kind: (str(count), f"{100 * count / len(runs):.3g} %") for kind, count in runs.counts().items()}
+    return table_of("How the runs ended", ("reason", "runs", "share"), rows)
+
+
+def failures(runs: ManyRuns, first: int = 0) -> list[str]:
+    """Return for each reason that runs did not go on to their end: the first of them, and how many more."""
+    codes, runs_of, counts = np.unique(runs.stop, return_index=True, return_counts=True)
+    told = {}
+    for code, run, count in zip(codes.tolist(), runs_of.tolist(), counts.tolist(), strict=True):
+        if code not in (FINISHED, NOT_RUN):
+            more = f" (and {count - 1} more run{'s' if count > 2 else ''})" if count > 1 else ""
+            told[run] = f"run {run + first}: {runs.reason(run)}{more}"
+    return [told[run] for run in sorted(told)]
+
+
+@html_of.register(ManyRuns)
+def many_runs_html(runs: ManyRuns) -> str:
+    """Return how a notebook shows many runs, as HTML."""
+    facts = f"{len(runs)} runs in {time_text(runs.seconds)}, {runs.note}"
+    more = [*(["interrupted"] if runs.interrupted else []), *failures(runs)]
+    return notebook_html("Many runs", facts, [stops_table(runs), figures_table(runs)], more)
+
+
+@html_of.register(RunHistories)
+def histories_html(kept: RunHistories) -> str:
+    """Return how a notebook shows histories, as HTML."""
+    facts = f"{len(kept.runs)} runs, {number(kept.time.shape[-1])} samples"
+    return notebook_html("RunHistories", facts, [], [])

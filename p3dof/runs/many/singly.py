@@ -10,25 +10,13 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Progress
 from p3dof._base.errors import ControllerError, DynamicsError, InputError, ReachError
-from p3dof.closed_form.compiled import MachineKernels
-from p3dof.closed_form.compiled.many import (
-    ACCURACY,
-    CONTROLLER,
-    FINISHED,
-    HISTORY_WIDTH,
-    NOWHERE,
-    RESULT_WIDTH,
-    RESULTS,
-    START,
-)
+from p3dof._base.time_series.wrenches import WRENCH_ROWS
+from p3dof.closed_form.compiled import MachineKernels, many
 from p3dof.machine.motion import Load
-from p3dof.machine.motion.wrenches import WRENCH_ROWS
 from p3dof.machine.parameters import LEGS, Parameters
 from p3dof.runs import PD, InitialState, Noise, Simulation, Springs, simulate
-from p3dof.runs.many.columns import SEED, RunColumns
-from p3dof.runs.many.columns import START as STARTS
-from p3dof.runs.many.plan import Task
-from p3dof.runs.many.stops import NOT_RUN
+from p3dof.runs.many.columns import NOT_RUN, SEED, STARTS, RunColumns
+from p3dof.runs.many.plan import SharedTask
 
 
 class _Kernels:
@@ -40,35 +28,18 @@ class _Kernels:
 
 
 def run_singly(
-    task: Task,
+    task: SharedTask,
     columns: RunColumns,
     machine: Parameters,
     kept: NDArray[np.int64],
     every: int,
     progress: Progress | None,
 ) -> tuple[FloatArray, FloatArray | None, bool]:
-    """Run all, one after the other.
-
-    Parameters
-    ----------
-    task, columns, machine
-        What is asked, what differs, and what has no column.
-    kept : ndarray of int
-        Runs whose histories are kept.
-    every : int
-        A row of a history every so many ticks.
-    progress : callable, optional
-        Called with (done, total) runs.
-
-    Returns
-    -------
-    results, histories, interrupted
-        As of `p3dof.runs.many.running.Batch.run`.
-    """
-    results = np.full((columns.count, RESULT_WIDTH), np.nan)
+    """Run all, one after the other; as of `p3dof.runs.many.running.Batch.run`."""
+    results = np.full((columns.count, many.RESULT_WIDTH), np.nan)
     results[:, 0] = columns.status
     rows = -(-task.ticks // every) + 2
-    histories = np.full((len(kept), rows, HISTORY_WIDTH), np.nan) if len(kept) else None
+    histories = np.full((len(kept), rows, many.HISTORY_WIDTH), np.nan) if len(kept) else None
     try:
         for run in np.flatnonzero(columns.status == NOT_RUN).tolist():
             results[run], found = _one(task, columns, machine, run)
@@ -82,7 +53,7 @@ def run_singly(
 
 
 def _one(
-    task: Task, columns: RunColumns, machine: Parameters, run: int
+    task: SharedTask, columns: RunColumns, machine: Parameters, run: int
 ) -> tuple[FloatArray, Simulation | None]:
     own = {name: float(column[run]) for name, column in columns.own.items()}
     x = [own.get(name, known) for name, known in zip(STARTS, task.start, strict=True)]
@@ -90,8 +61,8 @@ def _one(
     if control.noise is not None:
         seed = int(own.get(SEED, control.noise.seed + columns.first + run))
         control = replace(control, noise=Noise(control.noise.position, control.noise.velocity, seed))
-    failed = np.full(RESULT_WIDTH, np.nan)
-    failed[RESULTS["time"]] = 0.0
+    failed = np.full(many.RESULT_WIDTH, np.nan)
+    failed[many.RESULTS["time"]] = 0.0
     try:
         found = simulate(
             _Kernels(columns.machine(run, machine)),  # type: ignore[arg-type]  # all that compiled runs need
@@ -108,15 +79,15 @@ def _one(
         )
     except ControllerError as error:
         if error.run is None:
-            failed[0], failed[1] = CONTROLLER, error.time
+            failed[0], failed[1] = many.CONTROLLER, error.time
             return failed, None
         return _summary(error.run, task), error.run
     except ReachError:
-        failed[0] = NOWHERE
+        failed[0] = many.NOWHERE
     except (InputError, DynamicsError) as error:
         if not isinstance(error, DynamicsError) and "start beyond a limit" not in str(error):
             raise
-        failed[0] = START
+        failed[0] = many.START
     else:
         return _summary(found, task), found
     return failed, None
@@ -149,28 +120,28 @@ def _wrench(wrench: Any, own: dict[str, float]) -> Any:
     return (lambda time: load.at(time) + more) if callable(wrench) else load.at(0.0) + more
 
 
-def _summary(run: Simulation, task: Task) -> FloatArray:
+def _summary(run: Simulation, task: SharedTask) -> FloatArray:
     """Return the figures of a run; its end counts only if that is one of the ticks."""
-    row = np.full(RESULT_WIDTH, np.nan)
+    row = np.full(many.RESULT_WIDTH, np.nan)
     counted = _counted(run, task)
-    row[RESULTS["stop"]] = _stop(run)
-    row[RESULTS["time"]] = run.time[-1] if run.stop is None else run.stop.time
-    row[RESULTS["pose"]], row[RESULTS["velocity"]] = run.pose[-1], run.velocity[-1]
+    row[many.RESULTS["stop"]] = _stop(run)
+    row[many.RESULTS["time"]] = run.time[-1] if run.stop is None else run.stop.time
+    row[many.RESULTS["pose"]], row[many.RESULTS["velocity"]] = run.pose[-1], run.velocity[-1]
     if run.reference is not None:
-        row[RESULTS["peak_error"]] = np.abs(run.error[counted]).max(axis=0)
-        row[RESULTS["rms_error"]] = np.sqrt((run.error[counted] ** 2).mean(axis=0))
-    row[RESULTS["peak_force"]] = np.abs(run.forces[counted]).max(axis=0)
-    row[RESULTS["rms_force"]] = np.sqrt((run.forces[counted] ** 2).mean(axis=0))
+        row[many.RESULTS["peak_error"]] = np.abs(run.error[counted]).max(axis=0)
+        row[many.RESULTS["rms_error"]] = np.sqrt((run.error[counted] ** 2).mean(axis=0))
+    row[many.RESULTS["peak_force"]] = np.abs(run.forces[counted]).max(axis=0)
+    row[many.RESULTS["rms_force"]] = np.sqrt((run.forces[counted] ** 2).mean(axis=0))
     drives = task.control.drives()
     held = np.full(3, task.control.rate is not None) & (True if drives is None else np.isinf(drives))
     acting = np.where(held, run.forces[:-1], (run.forces[:-1] + run.forces[1:]) / 2)
     done = acting * np.diff(run.sliders, axis=0)
-    row[RESULTS["work"]], row[RESULTS["energy"]] = done.sum(), np.abs(done).sum()
-    row[RESULTS["careful"]], row[RESULTS["samples"]] = 1.0, len(run.time[counted])
+    row[many.RESULTS["work"]], row[many.RESULTS["energy"]] = done.sum(), np.abs(done).sum()
+    row[many.RESULTS["careful"]], row[many.RESULTS["samples"]] = 1.0, len(run.time[counted])
     return row
 
 
-def _counted(run: Simulation, task: Task) -> NDArray[np.intp]:
+def _counted(run: Simulation, task: SharedTask) -> NDArray[np.intp]:
     """Return the samples that are ticks, or the end of a whole run; at least the first."""
     ticks = np.isin(run.time, task.times)
     ticks[0] = True
@@ -182,8 +153,8 @@ def _counted(run: Simulation, task: Task) -> NDArray[np.intp]:
 def _stop(run: Simulation) -> int:
     """Return the number of what ended a run."""
     if run.stop is None:
-        return FINISHED
-    alone = {"accuracy": ACCURACY, "controller": CONTROLLER, "singular pose": 11}
+        return many.FINISHED
+    alone = {"accuracy": many.ACCURACY, "controller": many.CONTROLLER, "singular pose": 11}
     if run.stop.kind in alone:
         return alone[run.stop.kind]
     if run.stop.kind == "tilt limit":
@@ -193,7 +164,7 @@ def _stop(run: Simulation) -> int:
     return kinds[run.stop.kind] + leg
 
 
-def _keep(history: FloatArray, run: Simulation, task: Task, every: int) -> None:
+def _keep(history: FloatArray, run: Simulation, task: SharedTask, every: int) -> None:
     """Write the samples of a run into its history."""
     ticks = _counted(run, task).tolist()
     places = [k for tick, k in enumerate(ticks) if tick % every == 0 or tick == task.ticks]

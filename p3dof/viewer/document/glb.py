@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.version import __version__
-from p3dof.viewer.document.encoding import decoded
-from p3dof.viewer.document.placements import motions_over
-from p3dof.viewer.document.surfaces import surface_of
+from p3dof.viewer.document.encoding import decoded, some_of
+from p3dof.viewer.document.solids import surface_of
 
 KEYS = 1000
 """Most key frames of an animation; between them viewers go straight, and turn evenly."""
@@ -34,22 +34,6 @@ def as_glb(document: Mapping[str, Any], run: int = 0) -> bytes:
     A node is named after each joint, moves as the joint does, and holds the solids; lengths are metres. Where
     the joint is at zero is in a node above it, so that little is lost in the single precision of tracks.
     What does not change has no track. Neither forces nor layers that are hidden at first are in it.
-
-    Parameters
-    ----------
-    document : mapping
-        As of `page_document` or `robot_document`.
-    run : int
-        Number of the run that is animated. Samples that are out of reach are passed over.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    InputError
-        If there is no such run.
     """
     count = len(document["runs"])
     if isinstance(run, bool) or not isinstance(run, int) or not 0 <= run < count:
@@ -72,11 +56,6 @@ def save_glb(path: str | os.PathLike[str], document: Mapping[str, Any], run: int
     document, run
         As of `as_glb`.
 
-    Returns
-    -------
-    Path
-        The path written.
-
     Raises
     ------
     FileError
@@ -93,7 +72,7 @@ def _keys(time: FloatArray, places: FloatArray) -> tuple[NDArray[np.float32], Fl
     good = np.flatnonzero(np.isfinite(places).all(axis=(1, 2)))
     if not len(good):
         raise InputError("run: expected a sample with finite joints")
-    good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), KEYS)).round().astype(int))]
+    good = good[some_of(len(good), KEYS)]
     single = (time[good] - time[good[0]]).astype(np.float32)
     rising = np.concatenate(([True], single[1:] > np.maximum.accumulate(single)[:-1]))
     return single[rising], places[good[rising]]
@@ -254,3 +233,60 @@ def _linear(colour: str) -> list[float]:
     """Return red, green and blue in proportion to light, of ``#rrggbb``, which is as screens have it."""
     parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     return [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+
+
+def motions_over(document: Mapping[str, Any], run: int = 0) -> FloatArray:
+    """Return how all joints have moved from zero, in the axes of their placements, over a run.
+
+    x, y, z [m] and the quaternion x, y, z, w, whose sign does not jump; NaN where the run has none. Of joints
+    of the kind placed: where they are in their parents.
+    """
+    given = document["runs"][run]
+    q = decoded(given["q"]).astype(float)
+    joints = document["scene"]["joints"]
+    found = np.empty((len(q), len(joints), 7))
+    for i, joint in enumerate(joints):
+        if joint["kind"] == "placed":
+            found[:, i] = decoded(given["placed"][joint["name"]])
+        else:
+            start, count = joint["q"]
+            found[:, i] = _moved(joint, q[:, start : start + count])
+        found[:, i, 3:] = _without_jumps(found[:, i, 3:])
+    return found
+
+
+def _moved(joint: Mapping[str, Any], q: FloatArray) -> FloatArray:
+    """Return how a joint has moved (N, 7) at its positions."""
+    shift: FloatArray = np.zeros((len(q), 3))
+    kind, axis = joint["kind"], np.asarray(joint.get("axis", (0.0, 0.0, 1.0)), dtype=float)
+    known = np.asarray(np.isfinite(q).all(axis=1))
+    values: FloatArray = np.where(known[:, None], q, 0.0)
+    angle: FloatArray = values[:, 0] if values.shape[1] else np.zeros(len(q))
+    if kind in ("continuous", "planar"):
+        angle = np.arctan2(values[:, -1], values[:, -2])
+    turns = np.outer(angle, axis) if kind in ("revolute", "continuous", "helical", "planar") else 0.0 * shift
+    rotation = Rotation.from_rotvec(turns)
+    if kind in ("prismatic", "helical"):
+        shift += np.outer(angle * joint.get("pitch", 1.0), axis)
+    elif kind in ("translation", "free"):
+        shift += values[:, :3]
+    elif kind == "planar":
+        shift[:, :2] += values[:, :2]
+    if kind in ("spherical", "free"):
+        rotation = Rotation.from_quat(np.where(known[:, None], values[:, -4:], (0.0, 0.0, 0.0, 1.0)))
+    elif kind == "universal":
+        second = np.outer(values[:, 1], np.asarray(joint["axis2"], dtype=float))
+        rotation = Rotation.from_rotvec(np.outer(angle, axis)) * Rotation.from_rotvec(second)
+    found = np.column_stack((shift, rotation.as_quat()))
+    found[~known] = np.nan
+    return np.asarray(found)
+
+
+def _without_jumps(turns: FloatArray) -> FloatArray:
+    """Return quaternions (N, 4) each on the side of the one before; rows of NaN are passed over."""
+    rows = np.flatnonzero(np.isfinite(turns).all(axis=1))
+    own = turns[rows]
+    signs = np.where(np.einsum("ij,ij->i", own[1:], own[:-1]) < 0, -1.0, 1.0)
+    found = turns.copy()
+    found[rows[1:]] *= np.cumprod(signs)[:, None]
+    return found

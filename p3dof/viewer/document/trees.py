@@ -1,4 +1,4 @@
-"""The joints of any tree as a document has them: kinds that a page can move by itself, or placements."""
+"""The joints of any tree and its loop closures as a document has them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof._base.checks import FloatArray
+from p3dof.loops import ClosedLoopModel
 from p3dof.viewer.document.encoding import encoded
 
 _KINDS = {
@@ -36,18 +37,15 @@ def placement(place: pin.SE3) -> list[float]:
     return [*(float(x) for x in place.translation), *(float(x) for x in turn)]
 
 
+def place_of(frame: pin.Frame) -> tuple[int, list[float]]:
+    """Return the joint that carries a frame, -1 for the world, and the frame's origin there [m]."""
+    return int(frame.parentJoint) - 1, frame.placement.translation.tolist()
+
+
 def tree_of(model: pin.Model) -> list[dict[str, Any]]:
     """Return the joints of a tree, each after its parent.
 
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-
-    Returns
-    -------
-    list of dict
-        Name, parent (-1: the world), placement in the parent, kind, axis and place in q.
+    Name, parent (-1: the world), placement in the parent, kind, axis and place in q.
     """
     return [_joint(model, i) for i in range(1, model.njoints)]
 
@@ -87,47 +85,37 @@ def _subspace(model: pin.Model, i: int) -> FloatArray:
 def placed_over(model: pin.Model, q: FloatArray) -> dict[str, Any]:
     """Return where joints that a page cannot move are in their parents, over a run.
 
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    q : ndarray, shape (N, nq)
-        Its configurations; NaN stays NaN.
-
-    Returns
-    -------
-    dict of str to dict
-        By joint name, encoded, shape (N, 7): x, y, z [m] and a quaternion x, y, z, w of continuous sign.
+    By joint name, encoded, shape (N, 7): x, y, z [m] and a quaternion x, y, z, w of continuous sign.
     """
     joints = [i for i in range(1, model.njoints) if str(model.joints[i].shortname()) not in _KINDS]
     if not joints:
         return {}
-    places = relative_placements(model, q)
-    return {str(model.names[i]): encoded(places[:, i]) for i in joints}
-
-
-def relative_placements(model: pin.Model, q: FloatArray) -> FloatArray:
-    """Return where every joint is in its parent, as position and quaternion of continuous sign.
-
-    Parameters
-    ----------
-    model : pin.Model
-        The tree.
-    q : ndarray, shape (N, nq)
-        Configurations; a row that is not finite gives NaN.
-
-    Returns
-    -------
-    ndarray, shape (N, njoints, 7)
-        x, y, z [m], quaternion x, y, z, w; joint 0 is the world.
-    """
-    data, found = model.createData(), np.full((len(q), model.njoints, 7), np.nan)
+    data, places = model.createData(), np.full((len(q), model.njoints, 7), np.nan)
     before = np.tile([0.0, 0.0, 0.0, 1.0], (model.njoints, 1))
-    for row, values in zip(found, q, strict=True):
+    for row, values in zip(places, q, strict=True):
         if not np.isfinite(values).all():
             continue
         pin.forwardKinematics(model, data, values)
         row[:] = [placement(data.liMi[i]) for i in range(model.njoints)]
         row[(row[:, 3:] * before).sum(axis=1) < 0, 3:] *= -1.0
         before = row[:, 3:].copy()
+    return {str(model.names[i]): encoded(places[:, i]) for i in joints}
+
+
+def closures_of(loop: ClosedLoopModel) -> list[dict[str, Any]]:
+    """Return the closures of a robot: which frames of which joints are held together, and how.
+
+    Name, kind, and of both frames the joint (-1: the world) and the placement in it; of a distance also its
+    length [m].
+    """
+    model, found = loop.model, []
+    for closure in loop.sidecar.closures:
+        entry: dict[str, Any] = {"name": closure.name, "kind": closure.kind}
+        for i, name in enumerate((closure.frame1, closure.frame2), 1):
+            frame = model.frames[model.getFrameId(name)]
+            entry[f"joint{i}"] = int(frame.parentJoint) - 1
+            entry[f"placement{i}"] = placement(frame.placement)
+        if closure.length is not None:
+            entry["length"] = closure.length
+        found.append(entry)
     return found

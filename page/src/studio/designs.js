@@ -1,6 +1,7 @@
 // Designs as points of two columns and as lines through all of them; what is selected in one is so in the other.
-import { colour, named, range, shown, words } from "./state.js";
+import { colour, range, shown } from "./state.js";
 import { echarts } from "./charts.js";
+import { shown as inUnits } from "../units.js";
 
 /** @typedef {import("./state.js").State} State */
 
@@ -25,46 +26,49 @@ export function mountFront(element, state) {
             borderColor: ink,
             borderWidth: row === state.design ? 2 : 0,
         });
-        const data = x.values.map((value, row) => ({
-            value: [value, y.values[row], row], itemStyle: look(row), symbol: row === start ? "diamond" : "circle", symbolSize: row === start ? 14 : row === state.design ? 12 : 8,
+        /** @param {import("./state.js").Column} column @param {number} row */
+        const at = ({ unit, values }, row) => (values[row] === null ? null : /** @type {number} */ (values[row]) * inUnits(unit, state.units).factor);
+        const data = x.values.map((_, row) => ({
+            value: [at(x, row), at(y, row), row], itemStyle: look(row), symbol: row === start ? "diamond" : "circle", symbolSize: row === start ? 14 : row === state.design ? 12 : 8,
         }));
         const axis = { type: "value", scale: true, axisLabel: { color: faint, hideOverlap: true }, nameTextStyle: { color: faint }, nameLocation: "middle", splitLine: { lineStyle: { color: line } } };
         const option = {
             textStyle: { color: ink },
             grid: { left: 65, right: 15, top: 15, bottom: 50 },
-            xAxis: { ...axis, name: named(x) + good(x), nameGap: 28 },
-            yAxis: { ...axis, name: named(y) + good(y), nameGap: 44 },
+            xAxis: { ...axis, name: state.named(x) + good(x), nameGap: 28 },
+            yAxis: { ...axis, name: state.named(y) + good(y), nameGap: 44 },
             tooltip: {
                 backgroundColor: colour("paper"), borderColor: faint, textStyle: { color: ink, fontSize: 12 }, confine: true,
-                formatter: (/** @type {any} */ { value }) => `design ${value[2] + 1}${value[2] === start ? " (the start)" : ""}<br>${columns.map((column) => `${named(column)}: ${shown(column.values[value[2]])}`).join("<br>")}`,
+                formatter: (/** @type {any} */ { value }) => `design ${value[2] + 1}${value[2] === start ? " (the start)" : ""}<br>${[x, y].map((column) => `${state.named(column)}: ${state.told(column, column.values[value[2]])}`).join("<br>")}`,
             },
             brush: { xAxisIndex: 0, brushType: "rect", brushMode: "single", transformable: false, throttleType: "debounce", throttleDelay: 60, outOfBrush: { colorAlpha: 1 }, brushStyle: { color: "rgba(120,140,160,.12)", borderColor: faint } },
             series: [{ type: "scatter", data, animation: false }],
         };
-        const asked = state.axes.join();
+        const asked = [...state.axes, state.units].join();
         if (asked === drawn) chart.setOption({ series: option.series });
         else {
             chart.setOption(option, { notMerge: true });
             chart.dispatchAction({ type: "takeGlobalCursor", key: "brush", brushOption: { brushType: "rect", brushMode: "single" } });
         }
         drawn = asked;
-        element.ariaLabel = `Designs: ${named(y)} over ${named(x)}, ${state.selected.size} of ${state.count} selected`;
+        element.ariaLabel = `Designs: ${state.named(y)} over ${state.named(x)}, ${state.selected.size} of ${state.count} selected`;
     };
 
     chart.on("brushEnd", (/** @type {any} */ event) => {
         const area = event.areas[0]?.coordRange;
         if (!area) return;
-        const [[x0, x1], [y0, y1]] = area, [x, y] = state.axes.map((k) => columns[k].values);
-        const rows = [...x.keys()].filter((row) => {
-            const [a, b] = [x[row], y[row]];
-            return a !== null && b !== null && a >= x0 && a <= x1 && b >= y0 && b <= y1;
+        const [x, y] = state.axes.map((k) => columns[k].values);
+        const inside = state.axes.map((k, which) => {
+            const { factor } = inUnits(columns[k].unit, state.units), [low, high] = area[which];
+            return (/** @type {number | null} */ value) => value !== null && value * factor >= low && value * factor <= high;
         });
+        const rows = [...x.keys()].filter((row) => inside[0](x[row]) && inside[1](y[row]));
         chart.dispatchAction({ type: "brush", areas: [] });
         if (rows.length) state.select(rows);
     });
     chart.on("click", (/** @type {any} */ event) => state.look(event.value[2]));
     state.watch((change) => {
-        if (change === "selection" || change === "axes") draw();
+        if (change === "selection" || change === "axes" || change === "units") draw();
     });
     draw();
     return { chart, draw: () => { drawn = ""; draw(); } };
@@ -81,7 +85,7 @@ export function mountParallel(element, state) {
         const marked = [...new Set([state.design, start])].filter((row) => row !== null); // on top of the others
         const rows = Array.from({ length: state.count }, (_, row) => row).filter((row) => !marked.includes(row));
         const data = [...rows, ...marked].map((row) => ({
-            value: columns.map((column) => column.values[row] ?? NaN),
+            value: columns.map(({ unit, values }) => (values[row] ?? NaN) * inUnits(unit, state.units).factor),
             lineStyle: {
                 color: row === start ? START : row === state.design ? ink : accent,
                 width: row === start || row === state.design ? 2.5 : 1,
@@ -92,8 +96,8 @@ export function mountParallel(element, state) {
             textStyle: { color: ink },
             parallel: { left: 45, right: 45, top: 52, bottom: 22, axisExpandable: false, parallelAxisDefault: { realtime: false } },
             parallelAxis: columns.map((column, dim) => {
-                const [min, max] = range(column.values);
-                const text = words(column.name).replace(" ", "\n") + (column.unit && column.unit !== "1" ? `\n[${column.unit}]` : "");
+                const [min, max] = range(column.values).map((end) => end * inUnits(column.unit, state.units).factor);
+                const text = state.named(column).replace(/^(\w+) (?!\[)/, "$1\n").replace(" [", "\n[");
                 return {
                     dim, min, max, inverse: column.better === "large", name: text, nameLocation: column.better === "large" ? "start" : "end", nameGap: 10,
                     nameTextStyle: { color: column.better ? ink : faint, fontSize: 11, lineHeight: 12 },
@@ -115,18 +119,20 @@ export function mountParallel(element, state) {
             // areas are where they are on the axis; what is not wanted of an axis without any
             const model = /** @type {any} */ (chart).getModel().getComponent("parallelAxis", k);
             const areas = model.activeIntervals ?? [];
-            const value = columns[k].values[row];
+            const stored = columns[k].values[row], value = stored === null ? null : stored * inUnits(columns[k].unit, state.units).factor;
             return !areas.length || (value !== null && areas.some((/** @type {[number, number]} */ [low, high]) => value >= low && value <= high));
         }));
         state.select(rows);
     });
     state.watch((change) => {
-        if (change === "selection") draw();
+        if (change === "units") anew();
+        else if (change === "selection") draw();
     });
+    const anew = () => { drawn = false; chart.clear(); draw(); };
     draw();
     return {
         chart,
-        draw: () => { drawn = false; chart.clear(); draw(); },
+        draw: anew,
         /** Take the areas of all axes away. */
         clear: () => columns.forEach((_, k) => chart.dispatchAction({ type: "axisAreaSelect", parallelAxisId: /** @type {any} */ (chart).getModel().getComponent("parallelAxis", k).id, intervals: [] })),
     };

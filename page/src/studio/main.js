@@ -1,14 +1,16 @@
 // The studio: where a machine works well, and which machines would work better.
 import { mountFront, mountParallel } from "./designs.js";
 import { mountMap, mountSlice } from "./map.js";
-import { State, named, shown } from "./state.js";
+import { mountMachine } from "./machine.js";
+import { State, shown } from "./state.js";
 
 /** @param {string} id @returns {any} */
 const element = (id) => document.getElementById(id);
 
-/** @param {HTMLSelectElement} select @param {{ name: string, unit: string }[]} items @param {number} chosen @param {(k: number) => void} choose */
-function offer(select, items, chosen, choose) {
-    select.replaceChildren(...items.map((item, k) => new Option(named(item), String(k), k === chosen, k === chosen)));
+/** @param {State} state @param {HTMLSelectElement} select @param {{ name: string, unit: string }[]} items @param {number} chosen @param {(k: number) => void} choose */
+function offer(state, select, items, chosen, choose) {
+    select.replaceChildren(...items.map((item, k) => new Option(state.named(item), String(k), k === chosen, k === chosen)));
+    state.watch((change) => change === "units" && items.forEach((item, k) => void (select.options[k].text = state.named(item))));
     select.addEventListener("change", () => choose(Number(select.value)));
 }
 
@@ -27,6 +29,14 @@ function fill(table, caption, rows) {
     table.createCaption().textContent = caption;
 }
 
+/** Lengths of the machine, and how large its workspace is. @param {State} state */
+function showFacts(state) {
+    const { machine, sizes } = state.studio, { unit, factor } = state.poseUnits.y;
+    const lengths = /** @type {const} */ (["R", "r", "L"]).map((name) => `${name} = ${shown(machine[name] * factor)} ${unit}`);
+    const told = sizes.map(({ name, value, unit }) => `${name} ${shown(value)} ${unit}`);
+    element("facts").textContent = `${lengths.join(", ")}; ${told.join(", ")} within the limits`;
+}
+
 /** @param {State} state */
 function showPlace(state) {
     const { map } = state.studio, { i, j } = state.place;
@@ -34,8 +44,8 @@ function showPlace(state) {
     const inside = map.inside[j * map.y.length + i] ? "" : ", outside of the limits";
     fill(
         element("values"),
-        `At y = ${shown(map.y[i])} m, θ = ${shown(map.theta[j])}°${inside}; no index depends on z`,
-        map.indices.map((index, k) => [named(index), shown(state.at(k, i, j)), k === state.index]),
+        `At ${state.where(i, j).y}, ${state.where(i, j).theta}${inside}; no index depends on z`,
+        map.indices.map((index, k) => [state.named(index), state.told(index, state.at(k, i, j)), k === state.index]),
     );
 }
 
@@ -49,7 +59,7 @@ function showDesign(state) {
     fill(
         element("design"),
         `Design ${row + 1}${row === designs.start ? ", the start" : ""}; drag across points or along axes to select, click a point to look at it`,
-        designs.columns.map((column) => [named(column), shown(column.values[row])]),
+        designs.columns.map((column) => [state.named(column), state.told(column, column.values[row])]),
     );
 }
 
@@ -70,22 +80,23 @@ function mountDesigns(state) {
     const { columns } = /** @type {NonNullable<import("./state.js").Studio["designs"]>} */ (state.studio.designs);
     element("design-room").hidden = false;
     const front = mountFront(element("front"), state), parallel = mountParallel(element("parallel"), state);
-    offer(element("across"), columns, state.axes[0], (k) => state.chooseAxis(0, k));
-    offer(element("up"), columns, state.axes[1], (k) => state.chooseAxis(1, k));
+    offer(state, element("across"), columns, state.axes[0], (k) => state.chooseAxis(0, k));
+    offer(state, element("up"), columns, state.axes[1], (k) => state.chooseAxis(1, k));
     element("clear").addEventListener("click", () => {
         parallel.clear();
         state.select(Array.from({ length: state.count }, (_, row) => row));
     });
     element("save").addEventListener("click", () => save(state));
     showDesign(state);
-    state.watch((change) => change === "selection" && showDesign(state));
+    state.watch((change) => (change === "selection" || change === "units") && showDesign(state));
     return [front, parallel];
 }
 
 function start() {
     const state = new State(JSON.parse(element("p3dof-studio").textContent));
     element("title").textContent = state.studio.title;
-    element("facts").textContent = state.studio.facts;
+    showFacts(state);
+    element("units").addEventListener("change", (/** @type {any} */ { target }) => state.chooseUnits(target.value));
     /** @type {{ chart: any, draw: () => void, fit?: () => void }[]} */
     const charts = [
         mountMap(element("map"), state),
@@ -93,9 +104,13 @@ function start() {
         mountSlice(element("slice-theta"), state, "theta"),
         ...(state.count ? mountDesigns(state) : []),
     ];
-    offer(element("index"), state.studio.map.indices, state.index, (k) => state.chooseIndex(k));
+    mountMachine(element("machine"), state);
+    offer(state, element("index"), state.studio.map.indices, state.index, (k) => state.chooseIndex(k));
     showPlace(state);
-    state.watch((change) => (change === "index" || change === "place") && showPlace(state));
+    state.watch((change) => {
+        if (change === "units") showFacts(state);
+        if (change === "index" || change === "place" || change === "units") showPlace(state);
+    });
     addEventListener("resize", () => charts.forEach((each) => (each.fit ? each.fit() : each.chart.resize())));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => charts.forEach(({ draw }) => draw()));
     Object.assign(globalThis, { studio: { state, charts: charts.map(({ chart }) => chart) } });

@@ -1,17 +1,19 @@
 // What the parts of the studio share: the document, what is chosen, and who wants to know.
+import { shown as inUnits } from "../units.js";
 
 /**
  * @typedef {{ name: string, unit: string, meaning: string, values: (number | null)[] }} Index over θ (rows) and y
  * @typedef {{ name: string, unit: string, better: "small" | "large" | "", values: (number | null)[] }} Column of designs
  * @typedef {{
- *   title: string, facts: string,
+ *   title: string, machine: { r: number, R: number, L: number, b: number, travel: [number, number] },
+ *   sizes: { name: string, unit: string, value: number }[],
  *   map: { y: number[], theta: number[], inside: number[], indices: Index[] },
  *   loci: { name: string, points: [number | null, number | null][] }[],
  *   limits: { tilt: [number, number] },
  *   path: { time: number[], points: [number, number][] } | null,
  *   designs: { columns: Column[], start: number | null } | null,
  * }} Studio
- * @typedef {"index" | "place" | "selection" | "axes"} Change
+ * @typedef {"index" | "place" | "selection" | "axes" | "units"} Change
  */
 
 export class State {
@@ -19,6 +21,8 @@ export class State {
     constructor(studio) {
         this.studio = studio;
         this.index = 0;
+        /** @type {"mm" | "SI"} */
+        this.units = "mm";
         /** Column and row of the map that the slices go through. */
         this.place = { i: nearest(studio.map.y, 0), j: nearest(studio.map.theta, 0) };
         const designs = studio.designs;
@@ -52,6 +56,36 @@ export class State {
     /** @param {number} k of the index @param {number} i @param {number} j @returns {number | null} */
     at(k, i, j) {
         return this.studio.map.indices[k].values[j * this.studio.map.y.length + i];
+    }
+
+    /** What y [m] and θ [degrees] are multiplied by, and their units as they are shown. */
+    get poseUnits() {
+        const y = inUnits("m", this.units), theta = inUnits("rad", this.units);
+        return { y, theta: { unit: theta.unit, factor: (theta.factor * Math.PI) / 180 } };
+    }
+
+    /** A stored value with the unit that is chosen. @param {{ unit: string }} item @param {number | null | undefined} value */
+    told({ unit }, value) {
+        return value === null || value === undefined ? shown(value) : shown(value * inUnits(unit, this.units).factor);
+    }
+
+    /** A name with the unit that is chosen. @param {{ name: string, unit: string }} item */
+    named({ name, unit }) {
+        const said = inUnits(unit, this.units).unit;
+        return `${words(name)}${said && said !== "1" ? ` [${said}]` : ""}`;
+    }
+
+    /** A pose of the map in words. @param {number} i @param {number} j */
+    where(i, j) {
+        const { y, theta } = this.poseUnits, { map } = this.studio;
+        const angle = `${shown(map.theta[j] * theta.factor)}${theta.unit === "°" ? "" : " "}${theta.unit}`;
+        return { y: `y = ${shown(map.y[i] * y.factor)} ${y.unit}`, theta: `θ = ${angle}` };
+    }
+
+    /** @param {"mm" | "SI"} units */
+    chooseUnits(units) {
+        this.units = units;
+        this.tell("units");
     }
 
     /** @param {number} index */
@@ -96,9 +130,6 @@ export function nearest(values, wanted) {
 
 /** Four digits, a dash for what is not there. @param {number | null | undefined} value */
 export const shown = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(4))));
-
-/** @param {{ name: string, unit: string }} item */
-export const named = ({ name, unit }) => `${words(name)}${unit && unit !== "1" ? ` [${unit.replaceAll("^2", "²")}]` : ""}`;
 
 /** A name as it is said; abbreviations in capitals. @param {string} name */
 export const words = (name) => name.replaceAll("_", " ").replace(/^(lti|lci|iti|oti|gie|rms)\b/, (short) => short.toUpperCase());

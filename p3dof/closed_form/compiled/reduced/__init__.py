@@ -36,7 +36,7 @@ weight that a has; a balance is taken off. With a spring its force depends on λ
 
 The mass matrix follows from the same energies; forward dynamics takes z out first, whose mass is constant.
 
-`tests/test_reduced.py` holds this against the full recursion of `p3dof.closed_form.paper.virtual_power`,
+`test_reduced.py` holds this against the full recursion of `p3dof.closed_form.paper.virtual_power`,
 Lagrange's equations and the rank of the regressor.
 
 References
@@ -46,7 +46,6 @@ J. García de Jalón, E. Bayo, Kinematic and Dynamic Simulation of Multibody Sys
 Serial Robots, IEEE Trans. Robotics and Automation 6 (1990).
 """
 
-from p3dof.closed_form.compiled.reduced.assembly import assembled
 from p3dof.closed_form.compiled.reduced.constants import (
     SMALLER_ZEROS,
     SYMMETRIC_ZEROS,
@@ -64,6 +63,7 @@ from p3dof.closed_form.compiled.reduced.dynamics import (
     MOVING,
     State,
     actuator_forces,
+    assembled,
     coriolis_matrix,
     forward_dynamics,
     loads,

@@ -94,36 +94,12 @@ class Model(NamedTuple):
 
 
 def fold(lengths: Lengths, bodies: Mapping[str, Inertial]) -> Reduced:
-    """Fold all bodies into the base inertial parameters, on numbers or symbols.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    bodies : mapping of str to Inertial
-        Every moving link by its name.
-
-    Returns
-    -------
-    Reduced
-    """
+    """Fold all bodies into the base inertial parameters, on numbers or symbols."""
     return fold_moments(lengths, {name: moments_of(body) for name, body in bodies.items()})
 
 
 def fold_moments(lengths: Lengths, bodies: Mapping[str, Moments]) -> Reduced:
-    """Fold all bodies, given by their moments, in which the result is linear.
-
-    Parameters
-    ----------
-    lengths : Lengths
-        Lengths of the mechanism [m].
-    bodies : mapping of str to Moments
-        Every moving link by its name.
-
-    Returns
-    -------
-    Reduced
-    """
+    """Fold all bodies, given by their moments, in which the result is linear."""
     r, L = lengths.r, lengths.L
     a_a, c_a, k_a, d_a = _rod(L, bodies["leg_a"])
     a_b, c_b, k_b, d_b = _rod(L, bodies["leg_b"])
@@ -164,17 +140,7 @@ def fold_moments(lengths: Lengths, bodies: Mapping[str, Moments]) -> Reduced:
 
 
 def model_of(parameters: Parameters) -> Model:
-    """Return the numbers of a machine; exact zeros become structural ones and cost nothing.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        The machine.
-
-    Returns
-    -------
-    Model
-    """
+    """Return the numbers of a machine; exact zeros become structural ones and cost nothing."""
     lengths = Lengths.of(parameters.geometry)
     folded = Reduced(*(value or 0 for value in fold(lengths, inertials(parameters.bodies))))
     gravity, actuators = numbers(parameters.gravity), parameters.actuators
@@ -184,20 +150,7 @@ def model_of(parameters: Parameters) -> Model:
 
 
 def fold_actuators(rows: Iterable[Sequence[Scalar]], gz: Scalar) -> Actuated:
-    """Return what the forces see of motors, screws and balances, on numbers or symbols.
-
-    Parameters
-    ----------
-    rows : iterable of sequence
-        Armature, counterbalance, spring and counterweight, each at the sliders A, B, C: see
-        `p3dof.machine.parameters.Actuators` [kg, N, N/m, kg].
-    gz : number or symbol
-        Gravity along z0 [m/s²].
-
-    Returns
-    -------
-    Actuated
-    """
+    """Return what the forces see of motors, screws and balances, on numbers or symbols."""
     armature, counterbalance, spring, counterweight = rows
     inertia = (plus(j, m) for j, m in zip(armature, counterweight, strict=True))
     balance = (plus(f, -times(m, gz)) for f, m in zip(counterbalance, counterweight, strict=True))
@@ -205,17 +158,7 @@ def fold_actuators(rows: Iterable[Sequence[Scalar]], gz: Scalar) -> Actuated:
 
 
 def moments_of(body: Inertial) -> Moments:
-    """Return the moments of a body about the origin of its axes, on numbers, arrays or symbols.
-
-    Parameters
-    ----------
-    body : Inertial
-        Mass, mass centre and inertia about it.
-
-    Returns
-    -------
-    Moments
-    """
+    """Return the moments of a body about the origin of its axes, on numbers, arrays or symbols."""
     m, com, inertia = body
     return Moments(m, scale(m, com), matrix_sum(inertia, steiner(m, com)))
 

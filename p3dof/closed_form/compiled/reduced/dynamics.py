@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from p3dof._base.algebra import Matrix, Namespace, Scalar, Vector, add, plus, times
+from p3dof._base.algebra import Matrix, Namespace, Ordered, Scalar, Vector, add, dot, plus, times
 from p3dof._base.tracing import Number, derivatives
 from p3dof.closed_form.compiled.reduced.constants import Model
-from p3dof.closed_form.compiled.reduced.shapes import Bar, Shape, bar_of, home_depth
+from p3dof.closed_form.compiled.reduced.shapes import NEAR_REACH, Bar, Shape, bar_of, home_depth, roots_of_u
+from p3dof.machine.parameters import PASSIVE, SLIDES, Friction
 
 
 class State(NamedTuple):
@@ -32,23 +34,7 @@ def loads(
 ) -> tuple[Vector, Vector]:
     """Return what a motion takes at the sliders' own coordinates, and of y, z, θ beside it.
 
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    state : State
-        How it moves.
-    xp : Namespace
-        Where sqrt comes from.
-    wrench : tuple
-        F_y, F_z and M_y of the external wrench on the platform at P [N, N, N m].
-
-    Returns
-    -------
-    F, Q : tuple
-        The forces of the actuators are F + J⁻ᵀ Q, the generalized forces Jᵀ F + Q [N, N, N m].
+    The forces of the actuators are F + J⁻ᵀ Q, the generalized forces Jᵀ F + Q [N, N, N m].
     """
     c, (held, pulled) = model.bodies, _held(model, x, state.z, xp)
     a_a, a_b, a_c = upper_masses(model)
@@ -107,10 +93,7 @@ def upper_masses(model: Model) -> Vector:
 
 
 def _held(model: Model, x: Shape, z: Scalar, xp: Namespace) -> tuple[Vector, Vector]:
-    """Return what acts at the sliders A, B, C by itself: what never changes, and what springs make of λ.
-
-    That is the weight that armatures do not have, less what balances bear.
-    """
+    """Return what acts at the sliders by itself, constant and by springs from λ: weight less balances."""
     more, gz = model.actuators, model.gz
     constant: Vector = (
         plus(times(more.armature_a, gz), -more.balance_a),
@@ -148,19 +131,7 @@ def _leg_c_at_once(x: Shape, bar: Bar, state: State, vX: Scalar, aX: Scalar) -> 
 
 
 def solve_transposed(x: Shape, Q: Vector) -> Vector:
-    """Solve Jᵀ f = Q for the forces at the sliders, written out.
-
-    Parameters
-    ----------
-    x : Shape
-        Where the mechanism is.
-    Q : tuple
-        Forces of y, z, θ.
-
-    Returns
-    -------
-    tuple
-    """
+    """Solve Jᵀ f = Q for the forces at the sliders, written out."""
     f_c = Q[2] * (1 / x.arm)  # reciprocals can be had before the motion is: shorter chains
     rest = Q[1] - f_c
     f_b = (Q[0] + x.ty * f_c + x.ta * rest) * (1 / (x.ta + x.tb))
@@ -168,19 +139,7 @@ def solve_transposed(x: Shape, Q: Vector) -> Vector:
 
 
 def transposed(x: Shape, f: Vector) -> Vector:
-    """Return Jᵀ f, the generalized forces of forces at the sliders.
-
-    Parameters
-    ----------
-    x : Shape
-        Where the mechanism is.
-    f : tuple
-        Forces of A, B, C.
-
-    Returns
-    -------
-    tuple
-    """
+    """Return Jᵀ f, the generalized forces of forces at the sliders."""
     return x.tb * f[1] - x.ta * f[0] - x.ty * f[2], f[0] + f[1] + f[2], x.arm * f[2]
 
 
@@ -189,15 +148,7 @@ def actuator_forces(
 ) -> Vector:
     """Return the actuator forces; equal to `closed_form.paper.virtual_power.actuator_forces` without losses.
 
-    Parameters
-    ----------
-    model, x, state, xp, wrench
-        As for `loads`.
-
-    Returns
-    -------
-    tuple
-        Of A, B, C [N].
+    Of A, B, C [N].
     """
     F, Q = loads(model, x, state, xp, wrench)
     if not x.short_chains:
@@ -209,24 +160,7 @@ def actuator_forces(
 
 
 def mass_matrix(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Matrix:
-    """Return the mass matrix in y, z, θ.
-
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    y : number, array or symbol
-        Of the pose [m].
-    xp : Namespace
-        Where sqrt comes from.
-
-    Returns
-    -------
-    tuple
-        3 × 3, symmetric; its middle entry is constant.
-    """
+    """Return the mass matrix in y, z, θ; 3 × 3, symmetric; its middle entry is constant."""
     c, bar = model.bodies, bar_of(model, x, y, xp)
     lean = c.h3 * bar.cos
     H_y, H_t = bar.G * bar.y + lean, bar.G * bar.theta
@@ -250,22 +184,7 @@ def mass_matrix(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Matrix:
 def forward_dynamics(
     model: Model, x: Shape, state: State, forces: Vector, xp: Namespace, wrench: Vector = (0, 0, 0)
 ) -> Vector:
-    """Return the acceleration of the pose under actuator forces.
-
-    Parameters
-    ----------
-    model, x, xp, wrench
-        As for `loads`.
-    state : State
-        Its accelerations are not used.
-    forces : tuple
-        Of A, B, C [N].
-
-    Returns
-    -------
-    tuple
-        ÿ, z̈, θ̈.
-    """
+    """Return the acceleration of the pose under actuator forces; ÿ, z̈, θ̈."""
     F, Q = loads(model, x, state._replace(ay=0, az=0, atheta=0), xp, wrench)
     acting = transposed(x, (forces[0] - F[0], forces[1] - F[1], forces[2] - F[2]))
     M = mass_matrix(model, x, state.y, xp)
@@ -278,19 +197,7 @@ def coriolis_matrix(M: Matrix, coordinates: Vector, velocity: Vector) -> list[li
     Its column z is zero: the momentum along z is the rate of the first moment Σ m z of all bodies, so that
     M_zi = ∂(Σ m z)/∂x_i and ∂M_zi/∂x_j = ∂M_zj/∂x_i, and nothing depends on z.
 
-    Parameters
-    ----------
-    M : tuple
-        Mass matrix in y, z, θ, on a tape.
-    coordinates : tuple
-        y, z, θ; M does not depend on what is 0 here.
-    velocity : tuple
-        ẏ, ż, θ̇.
-
-    Returns
-    -------
-    list of list
-        3 × 3; C times the velocity are forces, Ṁ - 2C is skew.
+    3 × 3; C times the velocity are forces, Ṁ - 2C is skew.
     """
     D = [derivatives(row, coordinates) for row in M]  # D[i][j][k] = ∂M_ij/∂x_k
     half, axes = [0.5 * rate for rate in velocity], range(3)
@@ -304,19 +211,7 @@ def coriolis_matrix(M: Matrix, coordinates: Vector, velocity: Vector) -> list[li
 
 
 def solve_about_z(M: Matrix, b: Vector) -> Vector:
-    """Solve M a = b for a symmetric M, taking z out first, whose mass is constant.
-
-    Parameters
-    ----------
-    M : tuple
-        3 × 3, positive definite.
-    b : tuple
-        Right side.
-
-    Returns
-    -------
-    tuple
-    """
+    """Solve M a = b for a symmetric M, taking z out first, whose mass is constant."""
     iz = 1 / M[1][1]
     fy, ft = M[0][1] * iz, M[1][2] * iz
     yy = M[0][0] - fy * M[0][1]
@@ -326,3 +221,107 @@ def solve_about_z(M: Matrix, b: Vector) -> Vector:
     share = 1 / (yy * tt - yt * yt)
     ay, at = (tt * by - yt * bt) * share, (yy * bt - yt * by) * share
     return ay, b[1] * iz - fy * ay - ft * at, at
+
+
+def assembled(model: Model, sliders: Vector, xp: Ordered) -> tuple[Vector, Scalar]:
+    """Return the pose at slider positions, and by how much it is clearly good."""
+    r, R, L = model[:3]
+    width = R - r
+    mean, half = (sliders[0] + sliders[1]) * 0.5, (sliders[1] - sliders[0]) * 0.5
+    distance = xp.sqrt(width * width + half * half)  # half of that between the centres of the circles A, B
+    circles = (L - distance) * (L + distance)
+    reach, share = xp.sqrt(circles), 1 / distance
+    y = reach * half * share
+    p = mean - reach * width * share  # z - h
+    q = sliders[2] - p
+    rho2 = R * R + q * q
+    rho = xp.sqrt(rho2)
+    K = (q * q + (r * r + R * R) - (L - y) * (L + y)) * (1 / (2 * r))
+    closure = (rho - K) * (rho + K)
+    theta = xp.atan2(q, R) - xp.atan2(xp.sqrt(closure), K)
+    drops = (sliders[0] - p, sliders[1] - p, q - r * xp.sin(theta))
+    squares = xp.minimum(circles, closure)
+    lowest = xp.minimum(xp.minimum(drops[0], drops[1]), drops[2])
+    found = xp.minimum(squares - NEAR_REACH * (L * L), L * lowest - NEAR_REACH * (L * L))
+    pose = (y, p + xp.sqrt((L - width) * (L + width)), theta)
+    total = y + pose[1] + theta
+    return pose, found + (total - total)  # NaN where a result is not finite
+
+
+JOINTS = (*SLIDES, *PASSIVE)
+"""All joints that can have friction."""
+
+TOGETHER = (
+    ("slide_a",),
+    ("slide_b",),
+    ("slide_c",),
+    ("hinge_a", "universal_a"),
+    ("hinge_b", "universal_b"),
+    ("hinge_c",),
+    ("hinge_left", "hinge_right", "hinge_lower", "hinge_lower_right"),
+    ("hinge_platform",),
+    ("universal_a", "universal_b"),
+)
+"""Which joints move at the rates of `gradients`; the axes of a universal joint are in two of them."""
+
+FRICTION = (
+    *(f"viscous_{i}" for i in range(len(TOGETHER))),
+    *(f"coulomb_{i}" for i in range(len(TOGETHER))),
+    "steepness",
+)
+"""Coefficients of the nine rates, and one over the rate that smooths."""
+
+
+def friction_numbers(friction: Friction) -> list[float]:
+    """Return the coefficients of a machine in the order of `FRICTION`."""
+    found = [*folded(friction.viscous), *folded(friction.coulomb), 1 / friction.smoothing]
+    return [float(number) for number in found]
+
+
+def folded(coefficients: Mapping[str, Scalar]) -> list[Scalar]:
+    """Return the coefficients of joints as those of the nine rates."""
+    found: list[Scalar] = []
+    for joints in TOGETHER:
+        total: Scalar = 0
+        for joint in joints:
+            total = plus(total, coefficients.get(joint, 0))
+        found.append(total)
+    return found
+
+
+def gradients(x: Shape, y: Scalar, xp: Namespace) -> list[Vector]:
+    """Return how the nine rates follow from ẏ, ż, θ̇, up to their signs, which friction does not see.
+
+    Slides A, B, C, legs A, B, plane of the parallelogram, rods in it, platform to the lower cross-bar,
+    platform about y0.
+    """
+    iu2 = 1 / x.u2 if x.rsqrt is None else roots_of_u(x, xp)[2]  # as in the reduced form, which then has it
+    beta_y, beta_theta = x.tc * (y * iu2), x.p * x.ic
+    return [
+        (-x.ta, 1, 0),
+        (x.tb, 1, 0),
+        (-x.ty, 1, x.arm),
+        (x.ia, 0, 0),
+        (x.ib, 0, 0),
+        (beta_y, 0, beta_theta),
+        (roots_of_u(x, xp)[1], 0, 0),
+        (beta_y, 0, beta_theta + 1),
+        (0, 0, 1),
+    ]
+
+
+def generalized_friction(
+    x: Shape,
+    y: Scalar,
+    velocity: Vector,
+    coefficients: tuple[Sequence[Scalar], Sequence[Scalar], Scalar],
+    xp: Namespace,
+) -> Vector:
+    """Return the forces of y, z, θ that friction takes: `closed_form.paper.friction.generalized_losses`."""
+    viscous, coulomb, steepness = coefficients
+    total: list[Scalar] = [0, 0, 0]
+    for gradient, linear, dry in zip(gradients(x, y, xp), viscous, coulomb, strict=True):
+        rate = dot(gradient, velocity)
+        force = plus(times(linear, rate), times(dry, xp.tanh(rate * steepness)))
+        total = [plus(sum_, times(entry, force)) for sum_, entry in zip(total, gradient, strict=True)]
+    return total[0], total[1], total[2]

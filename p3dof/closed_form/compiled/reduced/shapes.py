@@ -10,10 +10,10 @@ from p3dof._base.tracing import Symbol
 from p3dof.closed_form.compiled.reduced.constants import Model
 
 NEAR_REACH = 1e-12
-"""Share of L² that the squares of all drops have in a state that is clearly good."""
+"""Share of L² that the squares of all drops have in a state that is clearly good, and those of roots in an
+assembly that is; of L that its drops have."""
 
-NEAR_SINGULAR = 4e-12
-"""Square of the sine of the angle from the actuation singularity that it has."""
+NEAR_SINGULAR = 4e-12  # square of the sine of the angle from the actuation singularity that it has
 
 
 class Shape(NamedTuple):
@@ -69,24 +69,8 @@ def shape(
 ) -> Shape:
     """Return where the mechanism is.
 
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    y, theta : number, array or symbol
-        Of the pose [m, rad].
-    xp : Namespace
-        Where sqrt, sin and cos come from.
-    short_chains : bool
-        Arranged for one sample, which waits for each operation: less in a row, a few operations more. Also
-        tells `actuator_forces` and the like to do so.
-    rsqrt : callable, optional
-        Returns one over the square root, from which roots and reciprocals are made then; for processors
-        whose divider is what all else waits for.
-
-    Returns
-    -------
-    Shape
+    `rsqrt`: returns one over the square root, from which roots and reciprocals are made then; for processors
+    whose divider is what all else waits for.
     """
     r, R, L = model[:3]
     width = R - r
@@ -129,21 +113,7 @@ def shape(
 
 
 def roots_of_u(x: Shape, xp: Namespace, rooted: bool = True) -> Vector:
-    """Return u, 1/u and 1/u².
-
-    Parameters
-    ----------
-    x : Shape
-        Where the mechanism is.
-    xp : Namespace
-        Where sqrt comes from.
-    rooted : bool
-        More than the last is needed.
-
-    Returns
-    -------
-    tuple
-    """
+    """Return u, 1/u and 1/u²."""
     if x.rsqrt is not None and rooted:
         iu = x.rsqrt(x.u2)
         return x.u2 * iu, iu, iu * iu
@@ -153,23 +123,7 @@ def roots_of_u(x: Shape, xp: Namespace, rooted: bool = True) -> Vector:
 
 
 def bar_of(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Bar:
-    """Return how the plane of the parallelogram stands.
-
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    y : number, array or symbol
-        Of the pose [m].
-    xp : Namespace
-        Where sqrt comes from.
-
-    Returns
-    -------
-    Bar
-    """
+    """Return how the plane of the parallelogram stands."""
     c = model.bodies
     u, iu, iu2 = roots_of_u(x, xp, rooted=any(isinstance(value, Symbol) for value in c[-7:]))
     sin, cos, tan = x.wc * iu, x.Sc * iu, y * iu
@@ -192,24 +146,7 @@ def bar_of(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Bar:
 
 
 def sliders(model: Model, x: Shape, z: Scalar, xp: Namespace) -> Vector:
-    """Return the slider positions.
-
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    z : number, array or symbol
-        Of the pose [m].
-    xp : Namespace
-        Where sqrt comes from.
-
-    Returns
-    -------
-    tuple
-        λ10 of A, B, C [m].
-    """
+    """Return the slider positions; λ10 of A, B, C [m]."""
     height = z - home_depth(model, xp)
     return height + x.Sa, height + x.Sb, height + x.p + x.Sc
 
@@ -221,20 +158,7 @@ def home_depth(model: Model, xp: Namespace) -> Scalar:
 
 
 def slider_rates(x: Shape, velocity: Vector) -> Vector:
-    """Return the slider velocities.
-
-    Parameters
-    ----------
-    x : Shape
-        Where the mechanism is.
-    velocity : tuple
-        Of the platform.
-
-    Returns
-    -------
-    tuple
-        Of A, B, C [m/s].
-    """
+    """Return the slider velocities; of A, B, C [m/s]."""
     vy, vz, vtheta = velocity
     return vz - x.ta * vy, vz + x.tb * vy, vz - x.ty * vy + x.arm * vtheta
 
@@ -244,23 +168,7 @@ def limit_cosines(
 ) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
     """Return what is zero at the border of reach and where the sliders lose hold, and how fast it changes.
 
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    y : number, array or symbol
-        Of the pose [m].
-    velocity : tuple
-        Of the platform.
-    xp : Namespace
-        Where sqrt comes from.
-
-    Returns
-    -------
-    cosines, rates : tuple
-        Drops of the legs A, B, C by their lengths, for C in the plane of its rods, and cos(φ54 + α); [1/s].
+    Drops of the legs A, B, C by their lengths, for C in the plane of its rods, and cos(φ54 + α); [1/s].
     """
     vy, _, vtheta = velocity
     iu2 = 1 / x.u2
@@ -279,23 +187,7 @@ def limit_cosines(
 def margin(model: Model, x: Shape, xp: Ordered, results: Sequence[Scalar], held: bool = True) -> Scalar:
     """Return what is positive where a state is clearly good; see `kinematics.validity` for what is not.
 
-    Parameters
-    ----------
-    model : Model
-        The machine.
-    x : Shape
-        Where it is.
-    xp : Ordered
-        Where `minimum` comes from.
-    results : sequence
-        What must be finite.
-    held : bool
-        The actuators must hold the platform.
-
-    Returns
-    -------
-    number, array or symbol
-        Zero, negative or NaN out of reach, near to it, or near the actuation singularity.
+    Zero, negative or NaN out of reach, near to it, or near the actuation singularity.
     """
     lowest = xp.minimum(xp.minimum(x.squares[0], x.squares[1]), x.squares[2])
     found = lowest - NEAR_REACH * (model.L * model.L)

@@ -1,0 +1,183 @@
+"""`Table`: texts and numbers in rows and columns, for a page, a notebook and a terminal alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import singledispatch
+from html import escape
+from typing import Literal, TypeAlias
+
+from p3dof._base.checks import Readable
+
+Cell: TypeAlias = float | str
+"""A number that is written by what shows the table, or a text that stands as it is."""
+
+Layout: TypeAlias = Literal["plain", "wide", "words", "list"]
+"""Numbers in few columns or in many, words, or words in many rows."""
+
+NONE = "–"  # what stands for a number that does not exist
+_WHOLE = 1e-9  # shares no more than this above 1 are the whole: of rounding
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts and numbers.
+
+    Parameters
+    ----------
+    title : str
+        What it shows.
+    header : tuple of str
+        Names of the columns, with units.
+    rows : tuple of tuple of str or float
+        The first cell of each is its name.
+    note : str
+        What a reader must know besides.
+    layout : {"plain", "wide", "words", "list"}
+        Numbers in few columns, numbers in many, words, or words in many rows.
+    decimals : int
+        Of its numbers on a terminal, where they stand below each other.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    layout: Layout = "plain"
+    decimals: int = 4
+
+    def texts(self) -> tuple[tuple[str, ...], ...]:
+        """Return the rows with six digits a number."""
+        return tuple(
+            tuple(cell if isinstance(cell, str) else number(cell) for cell in row) for row in self.rows
+        )
+
+    def aligned(self) -> tuple[tuple[str, ...], ...]:
+        """Return the rows with `decimals` a number."""
+        return tuple(
+            tuple(cell if isinstance(cell, str) else fixed(cell, self.decimals) for cell in row)
+            for row in self.rows
+        )
+
+
+def number(value: float) -> str:
+    """Return a number with six digits; a dash for what does not exist."""
+    return NONE if math.isnan(value) else f"{value + 0.0:.6g}"
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with so many decimals; a dash for what does not exist."""
+    return NONE if math.isnan(value) else f"{value:.{decimals}f}"
+
+
+def percent(share: float, decimals: int = 1) -> str:
+    """Return a share in percent, with decimals to show what is just above 100; ``"beyond"`` for infinity."""
+    return f"{share:.{decimals + _more(share, decimals)}%}" if share < math.inf else "beyond"
+
+
+def _more(share: float, decimals: int) -> int:
+    """Return how many more decimals tell a share from the whole, if it is above it."""
+    above = share - 1
+    if not _WHOLE < above < 0.5 * 10 ** -(decimals + 2):
+        return 0
+    return math.ceil(-math.log10(above)) - 2 - decimals
+
+
+def table_of(
+    title: str,
+    header: Sequence[str],
+    rows: Mapping[str, Sequence[Cell]],
+    note: str = "",
+    layout: Layout = "plain",
+    decimals: int = 4,
+) -> Table:
+    """Return a table of numbers and texts by the names of its rows."""
+    cells = tuple(
+        (name, *(cell if isinstance(cell, str) else float(cell) for cell in values))
+        for name, values in rows.items()
+    )
+    return Table(title, tuple(header), cells, note, layout, decimals)
+
+
+def time_text(seconds: float) -> str:
+    """Return a time with three digits and the unit that suits it, as ``"72.1 µs"`` or ``"10.3 ms"``."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
+        digits = f"{seconds / size:.3g}"
+        if float(digits) >= 1 or unit == "ns":
+            break
+    return f"{float(digits):.15g} {unit}"
+
+
+_STYLE = """
+.p3dof { font-variant-numeric: tabular-nums; color: inherit; }
+.p3dof p { margin: .3em 0; }
+.p3dof .scroll { overflow-x: auto; margin: .6em 0 .2em; }
+.p3dof table { border-collapse: collapse; margin: 0; background: none; color: inherit; font-size: inherit; }
+.p3dof caption { text-align: left; font-weight: 600; color: inherit; padding: .2em 0; white-space: nowrap; }
+.p3dof tr, .p3dof tr:hover { background: none !important; }
+.p3dof th, .p3dof td { color: inherit; background: none; text-align: right; padding: .2em .7em;
+  white-space: nowrap; border: 0 solid currentColor;
+  border-color: color-mix(in srgb, currentColor 30%, transparent); }
+.p3dof tbody :is(th, td) { border-bottom-width: 1px; }
+.p3dof thead th { border-bottom-width: 2px; font-weight: 600; vertical-align: bottom; white-space: normal; }
+.p3dof table.wide { font-size: .9em; }
+.p3dof table.wide :is(th, td):not(:first-child) { padding: .2em .5em; }
+.p3dof :is(th, td):first-child { text-align: left; padding-left: 0; }
+.p3dof tbody th { font-weight: 400; }
+.p3dof table.words :is(th, td) { text-align: left; }
+.p3dof .note { opacity: .75; font-size: .9em; max-width: 60em; }
+.p3dof ul { margin: .4em 0; padding-left: 1.2em; }
+.p3dof .care { border-left: .3em solid currentColor; padding: .1em .8em; margin: .5em 0; }
+"""
+"""Only colours of the page that it stands in: it may be dark or light."""
+
+
+def table_html(table: Table) -> str:
+    """Return a table as HTML, in a box that can be scrolled, with its note below."""
+    wide = table.layout == "wide"
+    role = "region" if wide else "group"
+    region = f' tabindex="0" role="{role}" aria-label="{escape(table.title)}"'
+    layout = "words" if table.layout == "list" else table.layout
+    kind = "" if layout == "plain" else f' class="{layout}"'
+    lines = [f'<div class="scroll"{region}>', f"<table{kind}>", f"<caption>{escape(table.title)}</caption>"]
+    if table.rows:
+        names = "".join(f'<th scope="col">{escape(name)}</th>' for name in table.header)
+        lines += [f"<thead><tr>{names}</tr></thead>", "<tbody>"]
+        for name, *cells in table.texts():
+            values = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+            lines.append(f'<tr><th scope="row">{escape(name)}</th>{values}</tr>')
+        lines.append("</tbody>")
+    lines += ["</table>", "</div>"]
+    if table.note:
+        lines.append(f'<p class="note">{escape(table.note)}</p>')
+    return "\n".join(lines) + "\n"
+
+
+def notebook_html(
+    title: str, facts: str, tables: Iterable[Table], warnings: Iterable[str] = (), remark: str = ""
+) -> str:
+    """Return how a notebook shows what a result is, warnings, then tables; colours are the notebook's."""
+    lines = [f"<style>{_STYLE}</style>", f"<p><strong>{escape(title)}</strong>: {escape(facts)}</p>"]
+    items = "".join(f"<li>{escape(warning)}</li>" for warning in warnings)
+    if items:
+        lines.append(f'<div class="care" role="note"><strong>Warnings</strong><ul>{items}</ul></div>')
+    lines += [table_html(table) for table in tables]
+    if remark:
+        lines.append(f'<p class="note">{escape(remark)}</p>')
+    text = f'<div class="p3dof">{"".join(lines)}</div>'
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")  # names of files may not be text
+
+
+@singledispatch
+def html_of(result: object) -> str:
+    """Return how a notebook shows a result: the tables of each room say it for their own."""
+    raise NotImplementedError(f"a notebook has no form for {type(result).__name__}")
+
+
+class ShownInNotebook(Readable):
+    """Base of the results that a notebook shows as tables."""
+
+    def _repr_html_(self) -> str:
+        return html_of(self)

@@ -1,0 +1,223 @@
+"""Motion and wrench files: CSV text in and out.
+
+The header of a motion is ``t,y,z,theta``, then either nothing (the pose alone) or ``ydot,zdot,thetadot,
+yddot,zddot,thetaddot``, in exactly this order; that of a wrench is ``t,fx,fy,fz,mx,my,mz``. A unit in
+brackets may follow each name, as in ``y [mm]``; without one the column is in SI units. Blank lines and lines
+that begin with ``#`` are skipped.
+"""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from itertools import islice
+from typing import NoReturn
+
+import numpy as np
+
+from p3dof._base.checks import LARGEST, FloatArray, name_and_unit, one_line, units_of
+from p3dof._base.errors import MotionError
+from p3dof._base.files import numbers_of_lines, table_lines
+from p3dof._base.time_series.times import is_of_clock
+
+MAX_BYTES = 500_000_000
+"""Largest motion file that is read [bytes]: about two million samples with all columns."""
+MAX_LINE = 10_000
+"""Longest line that is read [characters]."""
+
+_DIGITS = 60
+"""Digits of a difference of times: more than any clock has."""
+_WRITTEN = ("s", "m", "m", "rad", "m/s", "m/s", "rad/s", "m/s^2", "m/s^2", "rad/s^2")
+
+
+@dataclass(frozen=True)
+class Form:
+    """What a kind of file holds."""
+
+    what: str  # what to call it in an error
+    names: tuple[str, ...]  # its columns, the time first
+    counts: tuple[int, ...]  # how many of them there may be
+    units: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
+    """The units that a column may be in, by its name; by default the name tells the kind."""
+    order: str = "in this order"  # in which order they may be, in words
+
+    @property
+    def rule(self) -> str:
+        """The columns, in words."""
+        choices = " or ".join(",".join(self.names[:count]) for count in self.counts)
+        return f"the columns {choices}, {self.order}"
+
+
+MOTION = Form(
+    "a motion", ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot"), (4, 10)
+)
+WRENCH = Form("a wrench", ("t", "fx", "fy", "fz", "mx", "my", "mz"), (7,))
+
+
+def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, FloatArray, float]:
+    """Read a motion, or a wrench, from CSV text.
+
+    Times of a clock (`p3dof._base.time_series.times.is_of_clock`) are counted from the first one; the
+    differences are those of the digits in the text.
+    """
+    rows = _rows(text, source)
+    line, header = next(rows, (0, []))
+    if not header:
+        raise MotionError(f"{source}: expected {form.what} with {form.rule}, got an empty file")
+    factors = _header(header, f"{source}, line {line}", form)
+    start = _end_of_line(text, line)
+    data = numbers_of_lines(text, start, MAX_LINE, len(header))
+    if data is None:
+        data = _read_with_care(rows, source, header, form)
+    if not len(data):
+        raise MotionError(f"{source}: expected lines of numbers after the header, got none")
+    for i, j in np.argwhere(~(np.abs(data) <= LARGEST)):
+        large = np.isfinite(data[i, j])
+        wanted = f"a number of at most {LARGEST:g} in size" if large else "a finite number"
+        raise MotionError(
+            f"{source}, line {_line_of(i, text)}, column {form.names[j]}: expected {wanted}, got {data[i, j]}"
+        )
+    multiply, divide = np.array(factors).T
+    columns = data[:, 1:] * multiply[1:] / divide[1:]
+    time, first = data[:, 0] * multiply[0] / divide[0], 0.0
+    if is_of_clock(time):
+        time, first = _since_the_first(text, int(divide[0]))
+    for i in np.flatnonzero(time[1:] <= time[:-1]):
+        raise MotionError(
+            f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:.16g}, "
+            f"got {data[i + 1, 0]:.16g}"
+        )
+    return time, columns, first
+
+
+def _read_with_care(
+    rows: Iterator[tuple[int, list[str]]], source: str, header: list[str], form: Form
+) -> FloatArray:
+    """Read line by line what is not plain numbers between commas, and name the first field that is none."""
+    numbers = array("d")
+    for line, row in rows:
+        if len(row) != len(header):
+            raise MotionError(f"{source}, line {line}: expected {len(header)} columns, got {len(row)}")
+        try:
+            numbers.extend([float(field) for field in row])
+        except ValueError:
+            _name_the_field(row, f"{source}, line {line}", form)
+        whole = "".join(row)
+        if (
+            "_" in whole or not whole.isascii()
+        ):  # Python reads 1_000 and other scripts' digits, nobody else does
+            _name_the_field(row, f"{source}, line {line}", form)
+    return np.frombuffer(numbers).reshape(-1, len(header)) if numbers else np.empty((0, len(header)))
+
+
+def _end_of_line(text: str, number: int) -> int:
+    """Return where the line after this one begins."""
+    at = 0
+    for _ in range(number):
+        at = text.find("\n", at) + 1 or len(text)
+    return at
+
+
+def _since_the_first(text: str, divide: int) -> tuple[FloatArray, float]:
+    """Return the times [s] since the first one, and that: by the digits of the text, not rounded before."""
+    rows = islice(_rows(text, ""), 1, None)
+    times = (Decimal(row[0].strip()) for _, row in rows)
+    with localcontext() as context:
+        context.prec = _DIGITS
+        first = next(times)
+        return np.array([0.0, *(float((time - first) / divide) for time in times)]), float(first / divide)
+
+
+def header_of(text: str, source: str) -> list[str]:
+    """Return the names of a file's columns, without their units; none of an empty file."""
+    _, header = next(_rows(text, source), (0, []))
+    return [name_and_unit(field)[0] for field in header]
+
+
+def dump(time: FloatArray, columns: FloatArray, start: float = 0.0) -> bytes:
+    """Return CSV text in SI units that `parse` reads back to the same bits.
+
+    As many digits as tell every number from its neighbours: up to 17.
+    """
+    header = ",".join(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
+    clock = f"# t counts from {start!r} s of the clock\n" if start else ""
+    return f"{clock}{header}\n".encode() + table_lines([time, *columns.T])
+
+
+def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield (line number, fields) of every line that is not blank and not a comment."""
+    for number, line in _lines(text):
+        if len(line) > MAX_LINE:
+            raise MotionError(
+                f"{source}, line {number}: expected at most {MAX_LINE} characters, got {len(line)}"
+            )
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        if '"' not in line:
+            yield number, line.split(",")
+            continue
+        try:
+            yield number, next(csv.reader([line], strict=True))
+        except csv.Error as problem:
+            raise MotionError(f"{source}, line {number}: not valid CSV: {problem}") from problem
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield (number, line) one by one: a file that is refused at its header is not split to its end."""
+    number, start = 1, 0
+    while (end := text.find("\n", start)) >= 0:
+        yield number, text[start:end]
+        number, start = number + 1, end + 1
+    yield number, text[start:]
+
+
+def _line_of(index: int, text: str) -> int:
+    """Return the number of the line that holds a sample."""
+    return next(islice(_rows(text, ""), index + 1, None))[0]
+
+
+def _header(header: list[str], where: str, form: Form) -> list[tuple[float, float]]:
+    """Check the names; return what to multiply each column by, and divide it by, to reach SI units."""
+    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and separator in header[0]:
+            raise MotionError(f"{where}: expected commas between the columns, got {word}")
+    fields = [name_and_unit(field) for field in header]
+    for number, (name, _) in enumerate(fields, start=1):
+        expected = form.names[number - 1] if number <= len(form.names) else "no more columns"
+        if name != expected:
+            raise MotionError(
+                f"{where}, column {number}: expected {expected}, got {name!r:.40} ({form.rule})"
+            )
+    if len(fields) not in form.counts:
+        raise MotionError(f"{where}: expected {form.rule}, got only {','.join(name for name, _ in fields)}")
+    return [_factor(name, unit, where, form) for name, unit in fields]
+
+
+def _factor(name: str, unit: str | None, where: str, form: Form) -> tuple[float, float]:
+    units = units_of(name) if form.units is None or name == "t" else form.units[name]
+    if unit is None:
+        return (1.0, 1.0)
+    known = units.get(unit)
+    if known is None:
+        raise MotionError(
+            f"{where}, column {name}: expected a unit of {', '.join(units)}, got [{one_line(unit, 40)}]"
+        )
+    return known
+
+
+def _name_the_field(row: list[str], where: str, form: Form) -> NoReturn:
+    """Raise for the first field that is not a number."""
+    name, field = next(pair for pair in zip(form.names, row, strict=False) if not _is_number(pair[1]))
+    got = repr(field.strip())[:40] if field.strip() else "nothing"
+    raise MotionError(f"{where}, column {name}: expected a number, got {got}")
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return "_" not in field and field.isascii()

@@ -1,0 +1,228 @@
+"""A motion of the actuated joints of any robot: read, completed to all joints, and the forces for it."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, Watch
+from p3dof._base.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
+from p3dof._base.files import Source, called, read_text, write_table
+from p3dof._base.time_series.joint_files import JointCurve, read_joints
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof._base.time_series.wrenches import WrenchHistory
+from p3dof.loops import ClosedLoopModel
+from p3dof.loops.compiled.kept import Method
+from p3dof.loops.tables import is_slide, joint_values, overview, units_of_actuated
+from p3dof.runs.following import follow_motion
+from p3dof.runs.joint_controllers import JointReference
+from p3dof.runs.plants import ExternalOverTime, Loads
+
+_FEWEST, _MOST = 200, 4000  # steps of a curve that its forces begin with, and beyond which they do not go
+_SETTLED = 3e-4  # share by which twice as many samples may change peaks, RMS and power
+_AT_REST = 1e-2  # share of its largest speed below which a joint is at rest
+
+
+def _unwatched(_name: str, _total: int) -> AbstractContextManager[None]:
+    return nullcontext()
+
+
+@dataclass(frozen=True, eq=False)
+class RobotForces:
+    """Forces along a motion, with the motion of all joints."""
+
+    robot: ClosedLoopModel  # what moves
+    time: FloatArray  # (N,): times [s]
+    q: FloatArray  # (N, nq): configurations
+    v: FloatArray  # (N, nv): velocities and accelerations
+    a: FloatArray
+    tau: FloatArray  # (N, n_actuated): forces of the actuated joints [N or N m]
+    gap: float  # largest gap of a loop [m or rad], and largest error of the equation of motion [N or N m]
+    residual: float
+    remarks: tuple[str, ...] = ()  # what there is to know about the motion, one sentence each
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the actuated joints, as a run in time calls them."""
+        return self.tau
+
+    def to_csv(self, path: Path) -> Path:
+        """Write times, actuated joints, their forces and all joints; see `p3dof._base.files.write_table`."""
+        units = units_of_actuated(self.robot)
+        rows = [joint_values(self.robot, q) for q in self.q]
+        header = ["t [s]"]
+        header += [
+            f"force {name} [{unit}]" for name, (_, unit) in zip(self.robot.actuated, units, strict=True)
+        ]
+        columns = [self.time, *self.tau.T]
+        for name in rows[0]:
+            values = np.array([row[name] for row in rows])
+            joint = self.robot.model.getJointId(name)
+            if self.robot.model.nvs[joint] == 1:
+                turns = values[:, 0] if is_slide(self.robot, joint) else np.unwrap(values[:, 0])
+                header.append(f"{name} [{'m' if is_slide(self.robot, joint) else 'rad'}]")
+                columns.append(turns)
+            else:
+                header += [f"{name}.{i}" for i in range(values.shape[1])]
+                columns += list(values.T)
+        return write_table(path, header, tuple(columns))
+
+
+def forces_along(
+    robot: ClosedLoopModel,
+    motion: Source,
+    samples: int | None = None,
+    external: ExternalOverTime | None = None,
+    equilibrium: bool = False,
+    method: Method = "general",
+    smooth: Smooth = None,
+    watch: Watch = _unwatched,
+) -> RobotForces:
+    """Return the forces of the actuated joints along a motion of them, passive freedoms moving freely."""
+    if not robot.actuated:
+        raise InputError("the robot has no actuated joints")
+    joints = [robot.model.getJointId(name) for name in robot.actuated]
+    text, name = read_text(motion), called(motion)
+    sliding = [is_slide(robot, joint) for joint in joints]
+    curve = read_joints(text, name, robot.actuated, sliding, smooth)
+    known = [f"{words[0].upper()}{words[1:]}." for words in curve.remarks(robot.actuated, sliding)]
+    external = {
+        frame: wrench.since(curve.start) if isinstance(wrench, WrenchHistory) else wrench
+        for frame, wrench in (external or {}).items()
+    }
+    told, loads = (*known, *_ends(robot, curve)), (Loads(robot, external), method)
+    idle = overview(robot, robot.assemble(curve.values[0]).q).idle
+    if equilibrium and not idle:
+        raise InputError("--equilibrium: the robot has no passive degrees of freedom")
+    if idle and len(curve.time) > 1:
+        options = external, equilibrium, method, watch
+        return _with_idle(robot, curve, samples, options, (*told, _idle_words(idle)))
+    if len(curve.time) == 1:
+        return _forces_at(robot, curve, curve.time, told, loads)
+    if samples is not None:
+        return _forces_at(robot, curve, np.linspace(curve.time[0], curve.time[-1], samples), told, loads)
+    steps, parts = len(curve.time) - 1, 1
+    while parts * steps < _FEWEST:
+        parts *= 2
+    found = _forces_at(robot, curve, curve.divided(parts), told, loads)
+    while 2 * parts * steps <= max(_MOST, 2 * steps):
+        finer = _forces_at(robot, curve, curve.divided(2 * parts), told, loads)
+        if _settled(_sizes(found), _sizes(finer)):
+            return found
+        found, parts = finer, 2 * parts
+    return found
+
+
+def _settled(before: FloatArray, after: FloatArray) -> bool:
+    """Return whether twice as many samples change peaks, RMS and power by nothing that counts."""
+    size = np.maximum(after, 1e-2 * after.max(axis=1, keepdims=True))  # small ones may be as far off as large
+    return bool(np.all(np.abs(after - before) <= _SETTLED * size))
+
+
+def _idle_words(idle: tuple[str, ...]) -> str:
+    """Say which joints no motor holds."""
+    named = ", ".join(idle[:4]) + (f" and {len(idle) - 4} more" if len(idle) > 4 else "")
+    return f"Joints that no actuator holds move freely, from rest: {named}."
+
+
+def _with_idle(
+    robot: ClosedLoopModel,
+    curve: JointCurve,
+    samples: int | None,
+    options: tuple[ExternalOverTime | None, bool, Method, Watch],
+    told: tuple[str, ...],
+) -> RobotForces:
+    """Return the forces of a robot with passive freedoms, whose motion is integrated in time."""
+    motion = JointReference(curve.time, curve.values, curve.smooth)
+    count = 2 * _FEWEST * 4 + 1 if samples is None else samples
+    external, equilibrium, method, watch = options
+    with watch("motion", count) as progress:
+        run = follow_motion(
+            robot,
+            motion,
+            external=external,
+            equilibrium=equilibrium,
+            samples=count,
+            progress=progress,
+            method=method,
+        )
+    if run.stop is not None:
+        raise DynamicsError(f"the passive degrees of freedom cannot be integrated: ended by {run.stop}")
+
+    def thinned(stride: int) -> RobotForces:
+        rows = slice(None, None, stride)
+        q, v, a, tau = run.q[rows], run.v[rows], run.a[rows], run.forces[rows]
+        acting = {name: wrench[rows] for name, wrench in run.external.items()}
+        wanted = a[:, robot.actuated_v]
+        found = robot.hybrid_dynamics_batch(q, v, wanted, external=acting, method=method)
+        residual = float(np.abs(found.residual).max(initial=0.0))
+        time = curve.time[0] + run.time[rows]
+        return RobotForces(robot, time, q, v, a, tau, float(run.gap.max()), residual, told)
+
+    if samples is not None:
+        return thinned(1)
+    for stride in (8, 4, 2):
+        found = thinned(stride)
+        if _settled(_sizes(found), _sizes(thinned(stride // 2))):
+            return found
+    return thinned(1)
+
+
+def _forces_at(
+    robot: ClosedLoopModel,
+    curve: JointCurve,
+    time: FloatArray,
+    told: tuple[str, ...],
+    by: tuple[Loads, Method],
+) -> RobotForces:
+    loads, method = by
+    values, velocities, accelerations = curve.at(time)
+    start = robot.assemble(values[0]).q
+    states = robot.complete_batch(values, velocities, accelerations, start, stop=True, method=method)
+    _require(states.errors, time)
+    acting = loads.over(time - curve.time[0])
+    found = robot.inverse_dynamics_batch(
+        states.q, states.v, states.a, external=acting, stop=True, method=method
+    )
+    _require(found.errors, time)
+    gap, residual = (float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual))
+    return RobotForces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)
+
+
+def _sizes(found: RobotForces) -> FloatArray:
+    """Return peak, RMS and largest power of every actuator, (3, n_actuated)."""
+    power = found.tau * found.v[:, found.robot.actuated_v]
+    mean = np.trapezoid(found.tau**2, found.time, axis=0) / (found.time[-1] - found.time[0])
+    return np.array([np.abs(found.tau).max(axis=0), np.sqrt(mean), np.abs(power).max(axis=0)])
+
+
+def _ends(robot: ClosedLoopModel, curve: JointCurve) -> tuple[str, ...]:
+    """Say with what velocities a motion starts and ends, where it does not so at rest."""
+    _, velocities, _ = curve.at(curve.time)
+    fastest, told = np.abs(velocities).max(axis=0), []
+    for when, row in (("starts", velocities[0]), ("ends", velocities[-1])):
+        moving = [
+            f"{name} at {speed:.4g} {unit}/s"
+            for name, speed, most, (unit, _) in zip(
+                robot.actuated, row, fastest, units_of_actuated(robot), strict=True
+            )
+            if abs(speed) > _AT_REST * most
+        ]
+        if moving:
+            told.append(f"The curve through the {len(curve.time)} values {when} with {', '.join(moving)}.")
+    return tuple(told)
+
+
+def _require(errors: dict[int, P3dofError], time: FloatArray) -> None:
+    """Raise the first error with its time."""
+    for index, error in sorted(errors.items()):
+        words = f"at t = {time[index]:.6g} s: {error}"
+        if isinstance(error, AssemblyError):
+            raise AssemblyError(words, error.gap) from error
+        kind = (
+            type(error) if isinstance(error, DynamicsError | SingularityError | InputError) else DynamicsError
+        )
+        raise kind(words) from error

@@ -1,0 +1,309 @@
+"""The first hour on the command line: files to start from, what is installed, completion, and slips."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import run
+from documents import ROOT
+
+import p3dof
+from p3dof.cli import doctor
+from p3dof.cli.start import NEXT, starting_files
+from p3dof.design.drives import GENERIC, read_catalogue
+
+FILES = ["drives.yaml", "machine.yaml", "motion.csv", "task.yaml"]
+
+
+@pytest.fixture
+def started(tmp_path, monkeypatch, capsys):
+    """A folder with the files to start from."""
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "init")[0] == 0
+    return tmp_path
+
+
+def test_init_prints_commands_that_work_on_its_files(started, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    told = re.findall(r"^  p3dof (.*)", run(capsys, "init", "--force")[1], re.MULTILINE)
+    assert told == list(NEXT)
+    assert len(told) == 3
+    for command in told:
+        code, out, err = run(capsys, *command.split())
+        assert (code, err) == (0, ""), command
+    assert " fits: " in out
+    report = "report task.yaml --parameters machine.yaml --drives drives.yaml --no-animation"
+    assert run(capsys, *report.split())[0] == 0
+    assert (started / "out" / "report.html").is_file()
+
+
+@pytest.mark.usefixtures("started")
+def test_the_files_hold_the_packages_own_numbers():
+    machine = p3dof.read_parameters("machine.yaml")
+    assert machine.geometry == p3dof.SOLIDS.geometry
+    assert machine.limits.travel == p3dof.SOLIDS.limits.travel
+    np.testing.assert_allclose(machine.limits.tilt, p3dof.SOLIDS.limits.tilt, rtol=1e-15)
+    for name, body in p3dof.SOLIDS.bodies.items():  # six digits
+        found = getattr(machine.bodies, name)
+        assert found.mass == pytest.approx(body.mass, rel=5e-6)
+        np.testing.assert_allclose(found.com, body.com, rtol=5e-6, atol=1e-12)
+        np.testing.assert_allclose(found.inertia.diagonal(), body.inertia.diagonal(), rtol=5e-6)
+    catalogue = read_catalogue("drives.yaml")
+    assert [drive.name for drive in catalogue] == [drive.name for drive in GENERIC]
+    for found, motor in zip(catalogue.motors, GENERIC.motors, strict=True):
+        np.testing.assert_allclose(found.curve, motor.curve, rtol=1e-15)
+        assert found.inertia == pytest.approx(motor.inertia, rel=1e-15)
+    for found, screw in zip(catalogue.transmissions, GENERIC.transmissions, strict=True):
+        assert found.inertia == pytest.approx(screw.inertia, rel=1e-14)
+    motion, paper = p3dof.Motion.from_csv("motion.csv"), p3dof.paper_motion(41)
+    np.testing.assert_allclose(motion.pose, paper.pose, rtol=5e-6, atol=1e-14)
+
+
+def test_every_number_of_a_file_to_start_from_has_a_unit_or_a_remark():
+    for name, text in starting_files().items():
+        assert text.startswith("# ")
+        assert "$" not in text
+        if name == "machine.yaml":
+            lines = [line for line in text.splitlines() if re.search(r"\d", line) and line[0] != "#"]
+            assert len(lines) == 21
+            assert all(re.search(r" (mm|g|m/s|N|deg|kg mm\^2)\b|# m/s\^2", line) for line in lines)
+
+
+def test_init_writes_all_files_or_none(tmp_path, capsys):
+    folder = tmp_path / "new" / "machine"
+    assert run(capsys, "init", folder)[0] == 0
+    assert sorted(path.name for path in folder.iterdir()) == FILES
+    own = folder / "task.yaml"
+    own.write_text("mine")
+    for path in folder.iterdir():
+        if path != own:
+            path.unlink()
+    code, out, err = run(capsys, "init", folder)
+    assert (code, out) == (2, "")
+    assert err == f"p3dof: error: {own} exists already: nothing was written; --force overwrites it\n"
+    assert [path.name for path in folder.iterdir()] == ["task.yaml"]
+    assert own.read_text() == "mine"
+    assert run(capsys, "init", folder, "--force")[0] == 0
+    assert own.read_text() != "mine"
+    (folder / "drives.yaml").unlink()
+    (folder / "drives.yaml").mkdir()
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    own.write_text("mine again")
+    code, _, err = run(capsys, "init", folder, "--force")
+    assert code == 2
+    assert "drives.yaml" in err
+    assert own.read_text() == "mine again"
+    assert len(before) == 3
+
+
+def finding(out, name):
+    return next(line.split(maxsplit=1) for line in out.splitlines() if line[9:].startswith(f"{name} "))
+
+
+def test_doctor_has_a_line_for_everything_and_the_same_as_json(capsys):
+    code, out, _ = run(capsys, "doctor")
+    assert code == 0
+    lines = [(line[:9].strip(), line[9:21].strip(), line[21:]) for line in out.splitlines()]
+    names = ["p3dof", "Python", *doctor.REQUIRED, "kernels", *doctor.EXTRAS, *doctor.ENGINES]
+    assert [name for _, name, _ in lines] == [*names, "C compiler", "browser", "cache"]
+    assert lines[0][2] == f"{p3dof.__version__} in {Path(p3dof.__file__).parent}"
+    assert ("ok", "numpy", np.__version__) in lines
+    code, out, _ = run(capsys, "doctor", "--json")
+    data = json.loads(out)
+    assert (code, data["works"]) == (0, True)
+    assert [(one["state"], one["name"], one["detail"]) for one in data["findings"]] == lines
+
+
+def test_doctor_says_what_is_missing_is_for(capsys, monkeypatch, tmp_path):
+    from p3dof.loops.compiled import build
+
+    real = metadata.version
+    gone = ("matplotlib", "drake")
+
+    def version(name):
+        if name in gone:
+            raise metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    for name, value in {
+        "PATH": str(tmp_path),
+        "XDG_CACHE_HOME": str(tmp_path / "c"),
+        "HOME": str(tmp_path),
+    }.items():
+        monkeypatch.setenv(name, value)
+    for name in ("CC", "CHROMIUM", "PLAYWRIGHT_BROWSERS_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(build, "_private", lambda _: False)  # somebody else's
+    build.compiler.cache_clear()
+    try:
+        code, out, _ = run(capsys, "doctor")
+    finally:
+        build.compiler.cache_clear()
+    assert code == 0
+    assert "missing  plot        for figures (matplotlib): pip install 'p3dof[plot]'\n" in out
+    assert (
+        "missing  drake       for cross-checks of the forces (drake): pip install 'p3dof[engines]'\n" in out
+    )
+    for name in ("C compiler", "browser", "cache"):
+        assert f"missing  {name:12}for " in out
+
+
+def test_doctor_tells_a_broken_import_from_a_missing_extra(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy", None)
+    code, out, _ = run(capsys, "doctor")
+    assert code == 1
+    assert re.search(
+        r"^BROKEN   scipy       .*; try: pip install --force-reinstall scipy$", out, re.MULTILINE
+    )
+    code, out, _ = run(capsys, "doctor", "--json")
+    assert (code, json.loads(out)["works"]) == (1, False)
+    monkeypatch.undo()
+    monkeypatch.setenv("P3DOF_LEVEL", "numpy")
+    code, out, _ = run(capsys, "doctor")
+    assert code == 0
+    assert "missing  kernels     numpy: P3DOF_LEVEL asks for it\n" in out
+
+
+def test_doctor_knows_every_extra_and_what_it_needs():
+    tomllib = pytest.importorskip("tomllib", reason="Python 3.10 reads no TOML")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+
+    def needs(extra):
+        for line in extras[extra]:
+            own = re.match(r"p3dof\[([\w,]+)\]", line)
+            yield from (
+                (part for one in own[1].split(",") for part in needs(one))
+                if own
+                else [re.match(r"[\w.-]+", line)[0]]
+            )
+
+    tools = {"interop", "test", "dev", "docs"}
+    assert set(doctor.EXTRAS) | {"engines"} == set(extras) - tools
+    for extra, (_, packages) in doctor.EXTRAS.items():
+        assert packages.split() == sorted(set(needs(extra)), key=str.lower), extra
+    assert sorted(doctor.ENGINES) == sorted(needs("engines"))
+    page = (ROOT / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
+    assert {*doctor.EXTRAS, "engines"} <= set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
+
+
+def test_bash_completes_commands_options_values_and_files(tmp_path):
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("there is no bash here")
+    program = tmp_path / "p3dof"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m p3dof "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    script = """
+eval "$(p3dof completion bash)"
+compopt() { echo "names as by $2"; }
+complete -p p3dof
+try() {
+  COMP_WORDS=("$@"); COMP_CWORD=$(($#-1)); COMPREPLY=(); _p3dof_completion p3dof; echo "$* -> ${COMPREPLY[*]}"
+}
+try p3dof comp
+try p3dof loop fo
+try p3dof compare --sam
+try p3dof forces --method v
+try p3dof forces --motion m
+try p3dof plots --out m
+"""
+    path = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [bash, "--norc", "-c", script], capture_output=True, text=True, check=True, env={**os.environ, **path}
+    )
+    assert done.stdout.splitlines() == [
+        "complete -o nosort -F _p3dof_completion p3dof",
+        "p3dof comp -> completion compare compare-designs",
+        "p3dof loop fo -> forces",
+        "p3dof compare --sam -> --samples",
+        "p3dof forces --method v -> virtual-power",
+        "names as by default",
+        "p3dof forces --motion m -> ",
+        "names as by dirnames",
+        "p3dof plots --out m -> ",
+    ]
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_have_a_script_too(capsys, shell):
+    code, out, _ = run(capsys, "completion", shell)
+    assert code == 0
+    assert "_P3DOF_COMPLETE" in out
+    assert shell in out
+
+
+SLIPS = {
+    "forces --motion motoin.csv": "'--motion': there is no file motoin.csv; did you mean 'motion.csv'?",
+    "forces --motion absent.csv": "absent.csv: cannot be read (No such file or directory)",
+    "forces --motion folder": "folder: cannot be read (it is a folder)",
+    "forces --motion comma.csv": "comma.csv, line 3, column y: expected a number, got '0,1'",
+    "forces --motion semicolons.csv": "line 1: expected commas between the columns, got semicolons",
+    "forces --motion machine.yaml": "machine.yaml, line 4, column 1: expected t, got 'geometry:'",
+    "forces --parameters motion.csv": "motion.csv: expected a YAML file, got a CSV file",
+    "forces --parameters task.yaml": "task.yaml: unknown field 'name'*; this looks like a task",
+    "plan machine.yaml": "machine.yaml: unknown field 'geometry'*; this looks like a machine",
+    "size drives.yaml --drives task.yaml": "drives.yaml: unknown field 'motors'*; this looks like a cat",
+    "optimise machine.yaml": "machine.yaml: unknown field 'geometry'*; this looks like a machine",
+    "tolerance machine.yaml": "unknown field 'geometry', expected sigma, variables; this looks like a",
+    "forces --parameters typo.yaml": "typo.yaml: unknown field 'geometri'*; did you mean 'geometry'?",
+    "plan dwel.yaml": "dwel.yaml: waypoint 2: unknown field 'dwel'*; did you mean 'dwell'?",
+    "forces --parameters point.yaml": "point.yaml: geometry.r: expected a length*, got '100,5 mm'",
+    "forces --payload 2,5": "'--payload': expected a mass [kg], or a mass and x,y,z [m], got '2,5'",
+    "compare --tolerance 0,5": "expected a number, got '0,5'; with a decimal point it is 0.5",
+    "fastest task.yaml --max-force 0,3kN": "got '0,3kN'; with a decimal point it is 0.3kN",
+    "fastest task.yaml --max-force 300W": "'--max-force': expected a force such as '5 kN', got '300W'",
+    "forces --samples 1e3": "'--samples': expected a whole number, got '1e3'",
+    "forces --out result.xlsx": "result.xlsx: expected a file name that ends in .csv",
+    "compare --out result.csv": "expected a folder, got the name of a file, result.csv (result.csv/ is one)",
+    "forces --out motion.csv --motion motion.csv": "motion.csv would be overwritten: it is already used",
+    "forces --method adams": "'adams' is not one of 'pinocchio', 'virtual-power', 'compiled'.",
+    "indices --index condtion": "got 'condtion'; did you mean 'condition'",
+    "indices --pose 0.1;0;0": "expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got '0.1;0;0'",
+    "report --out report.docx": "report.docx: expected a file name that ends in .html or .pdf",
+    "loop info machine.yaml": "machine.yaml: expected URDF or MJCF, this is not XML; a sidecar comes second",
+    "size": "Missing argument 'TASK'.",
+    "forces --motion": "Option '--motion' requires an argument.",
+}
+"""What is easily typed wrong, and what is said of it; a star stands for a list of names."""
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_a_slip_is_one_line_that_helps(started, capsys, slip):
+    texts = {name: (started / name).read_text(encoding="utf-8") for name in FILES}
+    made = {
+        "comma.csv": 't,y,z,theta\n0,0,0,0\n1,"0,1",0,0\n',
+        "semicolons.csv": "t;y;z;theta\n0;0;0;0\n1;0,1;0;0\n",
+        "typo.yaml": texts["machine.yaml"].replace("geometry", "geometri"),
+        "point.yaml": texts["machine.yaml"].replace("r: 100 mm", "r: 100,5 mm"),
+        "dwel.yaml": texts["task.yaml"].replace("    dwell:", "    dwel:"),
+    }
+    for name, text in made.items():
+        (started / name).write_text(text, encoding="utf-8")
+    (started / "folder").mkdir()
+    before = sorted(started.iterdir())
+    code, out, err = run(capsys, *slip.split())
+    assert (code, out) == (2, "")
+    assert err.startswith("p3dof: error: ")
+    assert err.count("\n") == 1
+    assert re.search(re.escape(SLIPS[slip]).replace(r"\*", ".*"), err), err
+    assert sorted(started.iterdir()) == before
+
+
+@pytest.mark.usefixtures("started")
+def test_a_missing_extra_is_one_line_with_what_to_install(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    code, _, err = run(capsys, "report", "task.yaml", "--out", "r.html")
+    assert code == 2
+    assert err == "p3dof: error: a report needs jinja2: pip install 'p3dof[report]'\n"

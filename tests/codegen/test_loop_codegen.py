@@ -1,0 +1,262 @@
+"""The C of robots with closed loops: it compiles without a warning, and is what the general layer says."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import closed_trees as trees
+import numpy as np
+import pytest
+from command_line import run
+from compilers import CC, COMPILED, CPP, each_c
+from gallery import GALLERY, gallery
+
+import p3dof
+from p3dof._base.errors import InputError, ModelError
+from p3dof.codegen.loops import loop_files
+from p3dof.loops.assembly import Limits
+
+WARNINGS = "-Wall -Wextra -Werror -pedantic -Wconversion -Wshadow -Wdouble-promotion"
+pytestmark = COMPILED
+
+
+def make(folder, *arguments):
+    return subprocess.run(
+        ["make", "-s", *arguments], cwd=folder, capture_output=True, text=True, check=False, timeout=600
+    )
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The C of a loop, idle freedoms, a coupling with a spring, and one with all that acts, by folder."""
+    base = tmp_path_factory.mktemp("c")
+    jobs = {
+        "five_bar": {},
+        "leg": {},
+        "gripper": {"functions": ["inverse_dynamics", "tangent_of_forces", "motion", "step", "integrate"]},
+        "stewart": {"external": ["platform"], "joint_forces": True, "inertias": ["platform_free"]},
+    }
+    for name, options in jobs.items():
+        (base / name).mkdir()
+        for file, text in loop_files(gallery(name), **options).files.items():
+            (base / name / file).write_text(text, encoding="utf-8")
+    return base
+
+
+@each_c
+@pytest.mark.parametrize("name", ["five_bar", "leg", "gripper", "stewart"])
+def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name, compiler):
+    folder = shutil.copytree(written / name, tmp_path / name)
+    ways = (compiler, "-std=c99", "-O2"), (CPP[compiler], "-xc++ -std=c++11", "-O0")
+    for used, standard, flags in ways:
+        if shutil.which(used) is None:
+            continue
+        options = f"CC={used}", f"STANDARD={standard}", f"CFLAGS={flags}", f"WARNINGS={WARNINGS}"
+        done = make(folder, "check", *options)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stderr == ""
+        assert "all is well" in done.stdout
+        errors = [float(x) for x in re.findall(r"\d\.\de[-+]\d\d", done.stdout)]
+        assert len(errors) >= 3
+        assert max(errors) < 1e-10
+        make(folder, "clean")
+
+
+@each_c
+@pytest.mark.parametrize("name", [pytest.param("five_bar", marks=pytest.mark.slow), "gripper"])
+def test_random_bytes_are_survived(written, tmp_path, name, compiler):
+    folder = shutil.copytree(written / name, tmp_path / name)
+    flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
+    built = make(folder, f"{name}_selftest", f"CC={compiler}", f"CFLAGS={flags}", f"LDFLAGS={flags}")
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run(
+        [f"./{name}_selftest", "--fuzz", "20000"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "20000 calls of each function" in done.stdout
+
+
+def of_small(folder, name, flags, calls):
+    """The self test of a robot's C, with flags for small processors, and its calls with random bytes."""
+    done = make(folder, "check", "CC=gcc", "STANDARD=-std=c99", f"CFLAGS={flags}", f"LDFLAGS={flags}")
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    assert "all is well" in done.stdout
+    errors = [float(x) for x in re.findall(r"\d\.\de[-+]\d\d", done.stdout)]
+    assert len(errors) >= 3
+    assert max(errors) < 1e-10
+    command = [f"./{name}_selftest", "--fuzz", str(calls)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"{calls} calls of each function" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["five_bar", pytest.param("gripper", marks=pytest.mark.slow)])
+def test_it_is_right_on_small_processors(written, tmp_path, name, small):
+    of_small(shutil.copytree(written / name, tmp_path / name), name, small, 2_000)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", ["leg", "stewart"])
+def test_large_ones_are_right_on_small_processors(written, tmp_path, name, small):
+    of_small(shutil.copytree(written / name, tmp_path / name), name, small, 20_000)
+
+
+def test_the_self_test_notices_a_wrong_number(written, tmp_path):
+    folder = shutil.copytree(written / "five_bar", tmp_path / "broken")
+    source = folder / "five_bar.c"
+    text = source.read_text(encoding="utf-8")
+    gravity = re.search(r"9\.81\d*", text)
+    source.write_text(text.replace(gravity[0], "9.82"), encoding="utf-8")
+    done = make(folder, "check", f"CC={CC}")
+    assert done.returncode != 0
+    assert "error beyond the tolerance" in done.stdout
+
+
+def library(folder, name):
+    if not (folder / f"lib{name}.so").exists():
+        command = [CC, "-std=c99", "-O1", "-shared", "-fPIC", "-o", f"lib{name}.so", f"{name}.c", "-lm"]
+        subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / f"lib{name}.so"))
+
+
+def pointer(array):
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def test_statuses_and_what_acts(written):
+    call = library(written / "stewart", "stewart").stewart_inverse_dynamics
+    robot = gallery("stewart")
+    moving = trees.motions(robot, 3, seed=1)
+    rng = np.random.default_rng(0)
+    push, joints = rng.normal(0, 20, 6), rng.normal(0, 1, robot.model.nv)
+    numbers = np.array(robot.model.inertias[robot.model.getJointId("platform_free")].toDynamicParameters())
+    tau, multipliers, evidence = np.zeros(6), np.zeros(18), np.zeros(2)
+
+    def run(i, wrench, forces, inertia, q=None):
+        state = [np.ascontiguousarray(x) for x in (moving.q[i] if q is None else q, moving.v[i], moving.a[i])]
+        acting = [None if x is None else pointer(x) for x in (wrench, forces, inertia)]
+        results = [pointer(x) for x in (tau, multipliers, evidence)]
+        return call(*map(pointer, state), *acting, *results)
+
+    for i in range(3):
+        state = moving.q[i], moving.v[i], moving.a[i]
+        assert run(i, push, joints, numbers) == 0
+        expected = robot.inverse_dynamics(*state, {"platform": push}, joints)
+        np.testing.assert_allclose(tau, expected.tau, rtol=0, atol=1e-11 * np.abs(expected.tau).max())
+        assert evidence[0] > 0.3
+        assert evidence[1] < 1e-9
+        assert run(i, None, None, None) == 0
+        expected = robot.inverse_dynamics(*state)
+        np.testing.assert_allclose(tau, expected.tau, rtol=0, atol=1e-11 * np.abs(expected.tau).max())
+    before = tau.copy()
+    assert run(0, push, None, None, moving.q[0] + np.eye(len(moving.q[0]))[2] * 0.01) == 4  # open
+    moving.v[0][0] += 1.0
+    assert run(0, None, None, None) == 5  # opens
+    moving.v[0][0] = np.nan
+    assert run(0, None, None, None) == 2
+    assert np.array_equal(tau, before)
+
+
+def test_limits_of_position_are_those_of_the_file(written, tmp_path):
+    """Of joints with one coordinate; all others, and joints without limits, may be anywhere."""
+    robot = gallery("four_bar")
+    low, high = np.array(robot.model.lowerPositionLimit), np.array(robot.model.upperPositionLimit)
+    low[:2], high[:2] = [-0.5, -np.inf], [0.25, 1.0]
+    robot.model.lowerPositionLimit, robot.model.upperPositionLimit = low, high
+    for name, text in loop_files(robot, "bar", ["inverse_dynamics"]).files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    within = library(tmp_path, "bar").bar_within_limits
+    place = ctypes.c_int(7)
+    rng, seen = np.random.default_rng(1), set()
+    for _ in range(200):
+        q = np.ascontiguousarray(rng.uniform(-1.5, 1.5, robot.model.nq))
+        beyond = Limits(robot.model).beyond(q)
+        first = min((robot.model.idx_qs[robot.model.getJointId(name)] for name in beyond), default=-1)
+        assert within(pointer(q), ctypes.byref(place)) == (6 if beyond else 0)
+        assert place.value == first
+        assert within(pointer(q), None) == (6 if beyond else 0)
+        seen.add(first)
+    assert seen == {-1, 0, 1}
+    place.value = 7
+    q[0] = np.nan
+    assert within(pointer(q), ctypes.byref(place)) == 2
+    assert within(None, ctypes.byref(place)) == 1
+    assert place.value == 7
+    free = np.full(24, 1e300)
+    for name in ("stewart", "leg"):  # balls and free joints
+        call = getattr(library(written / name, name), f"{name}_within_limits")
+        limits = Limits(gallery(name).model)
+        expected = 0 if np.all(limits.upper > 1e299) else 6
+        assert call(pointer(np.concatenate([free, free])), None) == expected
+
+
+def test_a_singular_configuration_is_told(tmp_path):
+    bar = gallery("four_bar")
+    robot = p3dof.ClosedLoopModel(bar.model, replace(bar.sidecar, actuated=("rocker_joint",)))
+    for file, text in loop_files(robot, prefix="bar").files.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    step = library(tmp_path, "bar").bar_step
+    evidence, moved, statuses = np.zeros(2), np.zeros(3), []
+    low, high, q = None, None, robot.assemble().q
+    for angle in np.linspace(0, 2 * np.pi, 361):  # crank and coupler come into line
+        q = robot.assemble({"crank_joint": angle}, guess=q).q
+        statuses.append(step(pointer(np.array(q)), pointer(moved), pointer(evidence)))
+        side = np.sin(q[1])
+        if low is not None and side * low[1] < 0:
+            high = angle
+            break
+        low = angle, side
+    assert high is not None
+    assert set(statuses) == {0}
+    low = low[0]
+    sign = np.sin(robot.assemble({"crank_joint": low}, guess=q).q[1])
+    for _ in range(60):
+        middle = (low + high) / 2
+        q = robot.assemble({"crank_joint": middle}, guess=q).q
+        low, high = (middle, high) if np.sin(q[1]) * sign > 0 else (low, middle)
+    assert step(pointer(np.array(q)), pointer(moved), pointer(evidence)) == 3
+    assert evidence[0] < 1e-3
+
+
+def test_names_functions_and_frames_are_checked():
+    robot = gallery("five_bar")
+    for options, message in (
+        ({"prefix": "5bar"}, "^prefix: expected a name"),
+        ({"prefix": "Bar"}, "^prefix: expected a name"),
+        ({"functions": ["inverse"]}, "^functions: expected some of"),
+        ({"functions": []}, "^functions: expected at least one"),
+        ({"external": ["nobody"]}, "the frame 'nobody' does not exist"),
+    ):
+        with pytest.raises(InputError, match=message):
+            loop_files(robot, **options)
+    with pytest.raises(ModelError, match="more actuators than freedoms"):
+        loop_files(gallery("two_arms"), functions=["hybrid_dynamics"])
+
+
+def test_on_the_command_line(capsys, tmp_path):
+    robot, out = str(GALLERY / "four_bar.urdf"), tmp_path / "out"
+
+    def codegen(*more):
+        return run(capsys, "loop", "codegen", robot, "--out", str(out), "--prefix", "bar", *more)
+
+    status, told, _ = codegen()
+    assert status == 0
+    names = ["CMakeLists.txt", "Makefile", "README.md", "bar.c", "bar.h", "bar_selftest.c"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert "inverse_dynamics" in told
+    assert codegen("--check")[0] == 0
+    text = (out / "bar.c").read_text(encoding="utf-8")
+    changed = re.sub(r"\* 0\.\d+;", "* 0.7654321;", text, count=1)
+    assert changed != text
+    (out / "bar.c").write_text(changed, encoding="utf-8")
+    assert codegen("--check")[0] == 1
+    assert codegen()[0] == 0  # over its own files
+    (out / "README.md").write_text("mine", encoding="utf-8")
+    status, _, error = codegen()
+    assert (status, error.count("\n")) == (2, 1)
+    assert (out / "README.md").read_text(encoding="utf-8") == "mine"
+    for wrong in (["--functions", "x"], ["--prefix", "a b"], ["--external", "x"], ["--inertia", "x"]):
+        status, _, error = codegen("--force", *wrong)
+        assert (status, error.count("\n")) == (2, 1)

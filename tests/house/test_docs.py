@@ -1,0 +1,157 @@
+"""What the pages of the documentation say runs, and what they point to is there."""
+
+import re
+import shutil
+import subprocess
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from documents import ROOT, blocks, commands, run
+
+import p3dof
+
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
+RUN = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
+
+
+def need_tools(page, *tools):
+    """Skip a page whose commands need what is not here."""
+    if any("--wasm" in command for command in commands(page)):
+        tools += ("clang", "wasm-ld")
+    if any("import jax" in block.text for block in blocks(page)):
+        pytest.importorskip("jax", reason="jax not installed: pip install 'p3dof[jax]'")
+    for tool in tools:
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} not installed")
+
+
+def name(page):
+    return str(page.relative_to(DOCS))
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Run a page, once for all tests, and return its folder."""
+
+    @cache
+    def folder_of(page):
+        folder = tmp_path_factory.mktemp(page.stem)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(folder)
+            run(page, folder)
+        return folder
+
+    return folder_of
+
+
+@pytest.mark.parametrize("page", RUN, ids=name)
+def test_what_a_page_says_runs(page, ran):
+    need_tools(page)
+    ran(page)
+
+
+def test_pages_are_run():
+    assert {"index.md", "how-to/your-own-machine.md", "how-to/motion-files.md"} <= set(map(name, RUN))
+    assert sum(len(commands(page)) for page in RUN) >= 10
+
+
+def test_the_parameter_file_is_one(tmp_path):
+    """The complete example is the paper's machine, with an inertia about the joint as the paper prints it."""
+    page = blocks(DOCS / "how-to/your-own-machine.md")
+    (text,) = (block.text for block in page if block.text.startswith("# machine.yaml"))
+    (tmp_path / "machine.yaml").write_text(text, encoding="utf-8")
+    parameters = p3dof.read_parameters(tmp_path / "machine.yaml")
+    assert parameters.geometry == p3dof.PAPER.geometry
+    expected = p3dof.PAPER.bodies.leg_a.inertia
+    np.testing.assert_allclose(parameters.bodies.leg_a.inertia, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("page", "folder"),
+    [("how-to/controller-in-c.md", "out/c"), ("how-to/compile-any-robot.md", "out/five_bar")],
+)
+def test_the_c_of_a_controller_compiles(ran, page, folder):
+    page = DOCS / page
+    need_tools(page, "cc")
+    folder = ran(page) / folder
+    (text,) = (block.text for block in blocks(page) if block.language == "c")
+    includes, body = text.split("\n\n", 1)
+    source = f"{includes}\nvoid stop(void);\nvoid period(void);\nvoid period(void)\n{{\n{body}}}\n"
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{folder}", "-xc", "-"]
+    # In the text the state has no values yet: that it is read is all that the compiler may find.
+    command.insert(4, "-Wno-maybe-uninitialized")
+    done = subprocess.run(command, input=source, text=True, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_controllers_of_any_robot_hold_it(ran, monkeypatch):
+    """Whole programs: errors vanish, and forces are those of the robot with what it carries."""
+    page = DOCS / "how-to/control-any-robot-from-c.md"
+    need_tools(page, "cc")
+    folder = ran(page)
+    monkeypatch.chdir(folder)
+    told = {}
+    for block in blocks(page):
+        if block.language != "c":
+            continue
+        (program,) = re.match(r"/\* (\w+)\.c: ", block.text).groups()
+        robot = program.removesuffix("_control")
+        (folder / f"{program}.c").write_text(block.text, encoding="utf-8")
+        warnings = ["-std=c99", "-O0", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+        sources = [f"-Iout/{robot}", f"{program}.c", f"out/{robot}/{robot}.c", "-o", program, "-lm"]
+        done = subprocess.run(["cc", *warnings, *sources], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        done = subprocess.run([folder / program], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout
+        lines = done.stdout.splitlines()
+        numbers = [re.findall(r"-?\d+\.\d+(?:e[-+]\d+)?", line) for line in lines]
+        told[robot] = np.array(numbers, dtype=float)
+    time, error = told["five_bar"][:, :2].T
+    np.testing.assert_array_equal(time, [0, 0.25, 0.5, 0.75, 1])
+    assert error[0] == 0.05
+    assert error[1] < 1e-3
+    assert error[2:].max() < 1e-4
+    assert told["stewart"][:, 1].max() < 3e-5
+    robot = p3dof.load_robot("gallery/stewart.urdf")
+    robot.model.inertias[robot.model.getJointId("platform_free")] += pin.Inertia(
+        10.0, np.array([0, 0, 0.05]), np.zeros((3, 3))
+    )
+    w = 2 * np.pi * 2  # half a second is a whole period: the legs are at home, at rest, and accelerate
+    push = 0.02 * np.cos(np.arange(6)) * w**2
+    state = robot.complete(np.full(6, 0.585), np.zeros(6), push, robot.assemble().q)
+    forces = robot.inverse_dynamics(state.q, state.v, state.a).tau
+    np.testing.assert_allclose(told["stewart"][2, -2:], forces[:2], rtol=0, atol=1.0)
+
+
+@pytest.mark.parametrize("page", ["how-to/controller-in-c.md", "how-to/compile-any-robot.md"])
+def test_the_javascript_of_a_page_runs(ran, page):
+    page = DOCS / page
+    need_tools(page, "node")
+    folder = ran(page)
+    (text,) = (block.text for block in blocks(page) if block.language == "js")
+    (folder / "page.mjs").write_text(text, encoding="utf-8")
+    done = subprocess.run(["node", "page.mjs"], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("OK") == text.count("statuses[")
+    assert "NaN" not in done.stdout
+
+
+def test_blocks_that_are_not_run_are_few():
+    """Of the pages' languages, only these hold something that no test runs."""
+    languages = {block.language for page in PAGES for block in blocks(page)}
+    assert languages <= {"python", "console", "yaml", "text", "c", "js", "csv"}
+
+
+def test_each_guarantee_names_tests_that_are_there():
+    text = (DOCS / "explanation/guarantees.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| ") and "guaranteed" not in line]
+    for row in rows:
+        named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", row.split(" | ")[-1])
+        assert named, row
+        for file, test in named:
+            (path,) = (ROOT / "tests").glob(f"*/{file}")
+            assert f"\ndef {test}(" in path.read_text(encoding="utf-8"), (file, test)
+    assert len(rows) > 20

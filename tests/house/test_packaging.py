@@ -1,0 +1,136 @@
+"""What is installed says what it is: wheels by their names, the program by its version."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+
+import pytest
+from documents import ROOT
+
+import p3dof
+from p3dof.cli import main
+from p3dof.closed_form.compiled import kernels
+
+COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
+SMALL = """
+#include <Python.h>
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_compiled", 0, -1, 0};
+PyMODINIT_FUNC PyInit__compiled(void) { return PyModule_Create(&module); }
+"""
+
+
+@pytest.fixture
+def source(tmp_path):
+    """The source tree with a small extension, which is compiled in no time."""
+    pytest.importorskip("setuptools.command.bdist_wheel", reason="setuptools is older than 70.1")
+    tree = tmp_path / "source"
+    left_out = shutil.ignore_patterns("*.so", "__pycache__", "generated")
+    shutil.copytree(ROOT / "p3dof", tree / "p3dof", ignore=left_out)
+    for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
+        shutil.copy(ROOT / name, tree)
+    for code in (tree / "p3dof" / "_native").glob("*.c"):
+        code.write_text(SMALL if code.stem == "_compiled" else "extern int nothing;\n")
+    return tree
+
+
+def wheel(tree, **variables):
+    """Build a wheel as pip does, without a network; return its name and what is in it."""
+    build = "from setuptools import build_meta; print(build_meta.build_wheel('wheels'))"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = [sys.executable, "-c", build]
+    options = {"cwd": tree, "env": environment | variables, "capture_output": True, "text": True}
+    ran = subprocess.run(command, check=False, **options)
+    assert ran.returncode == 0, ran.stderr
+    name = ran.stdout.splitlines()[-1]
+    with zipfile.ZipFile(tree / "wheels" / name) as file:
+        metadata = next(member for member in file.namelist() if member.endswith(".dist-info/WHEEL"))
+        return name, file.namelist(), file.read(metadata).decode()
+
+
+def has_extension(members):
+    return any(
+        member.startswith("p3dof/_native/_compiled.") and member.endswith((".so", ".pyd"))
+        for member in members
+    )
+
+
+def test_a_wheel_without_the_extension_does_not_pass_for_one_with_it(source):
+    if shutil.which(COMPILER) is None or not Path(sysconfig.get_path("include"), "Python.h").exists():
+        pytest.skip("no compiler, or no headers of Python")
+    own = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    name, members, metadata = wheel(source)
+    assert has_extension(members)
+    assert f"-{own}-{own}-" in name
+    assert "Root-Is-Purelib: false" in metadata
+    code = source / "p3dof" / "_native" / "_compiled.c"
+    code.write_text(SMALL + "/* changed, so that it has to be compiled again */\n")
+    os.utime(code, (2e9, 2e9))
+    name, members, metadata = wheel(source, CC="no-such-compiler")  # and what was built before is not taken
+    assert not has_extension(members)
+    assert name == f"p3dof-{p3dof.__version__}-py3-none-any.whl"
+    assert "Root-Is-Purelib: true" in metadata
+    assert "p3dof/__init__.py" in members
+
+
+def test_a_wheel_without_the_extension_on_purpose(source):
+    name, members, metadata = wheel(source, P3DOF_NO_EXTENSION="1")
+    assert not has_extension(members)
+    assert name.endswith("-py3-none-any.whl")
+    assert "Root-Is-Purelib: true" in metadata
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64" or sys.platform != "linux", reason="levels of x86")
+def test_which_levels_of_the_processor_an_extension_is_compiled_for(source):
+    if shutil.which(COMPILER) is None or not Path(sysconfig.get_path("include"), "Python.h").exists():
+        pytest.skip("no compiler, or no headers of Python")
+    told = Path("/proc/cpuinfo").read_text(encoding="ascii").split()
+    best = [level for level, flag in {"avx2": "avx2", "avx512": "avx512dq"}.items() if flag in told][-1:]
+    for level in ("avx2", "avx512"):
+        text = f'#ifndef P3DOF_NO_{level.upper()}\nconst char p3dof_{level}[] = "level {level}";\n#endif\n'
+        (source / "p3dof" / "_native" / f"level_{level}.c").write_text(text)
+    found = {}
+    for asked in ("", "native"):
+        name, members, _ = wheel(source, P3DOF_BUILD_LEVELS=asked)
+        with zipfile.ZipFile(source / "wheels" / name) as file:
+            data = file.read(next(member for member in members if has_extension([member])))
+        found[asked] = [level for level in ("avx2", "avx512") if f"level {level}".encode() in data]
+        shutil.rmtree(source / "build")
+    assert found == {"": ["avx2", "avx512"], "native": best}
+
+
+def version(capsys):
+    code = main(["--version"])
+    captured = capsys.readouterr()
+    return code, captured.out.strip(), captured.err
+
+
+def test_the_version_says_which_kernels_run(capsys, monkeypatch):
+    begin = f"p3dof {p3dof.__version__} (kernels: "
+    robot = p3dof.load()
+    monkeypatch.delenv("P3DOF_LEVEL", raising=False)
+    monkeypatch.setenv("P3DOF_THREADS", "3")
+    shown = version(capsys)[1]
+    assert shown.startswith(begin + robot.kernels.level)
+    for level in kernels.levels()[1:]:
+        monkeypatch.setenv("P3DOF_LEVEL", level)
+        assert version(capsys)[1] == f"{begin}{level}, 3 threads)"
+    monkeypatch.setenv("P3DOF_LEVEL", "avx9000")
+    code, out, error = version(capsys)
+    assert (code, out) == (2, "")
+    assert "P3DOF_LEVEL: expected one of numpy" in error
+    monkeypatch.setenv("P3DOF_LEVEL", "numpy")
+    if len(kernels.levels()) > 1:
+        assert version(capsys)[1] == f"{begin}numpy: P3DOF_LEVEL asks for it)"
+    monkeypatch.setattr(kernels, "_extension", lambda: None)
+    monkeypatch.setattr(kernels, "find_spec", lambda _: None)
+    assert version(capsys)[1] == f"{begin}numpy: no compiler at installation)"
+    monkeypatch.setattr(kernels, "find_spec", lambda name: ModuleSpec(name, None))  # of another Python
+    assert version(capsys)[1] == f"{begin}numpy: the extension does not load, install it again)"
