@@ -27,7 +27,7 @@ from p3dof.loops.closed_tree import ClosedTree, Loads
 from p3dof.loops.closures import ClosurePoint
 from p3dof.loops.coordinates import SMOOTHING, TurningSpring
 from p3dof.loops.linear import RANK_TOLERANCE, actuation_of
-from p3dof.loops.minimal import Names, Setting, coordinate_names, stacked
+from p3dof.loops.minimal import Names, Setting, coordinate_names, pivoted, stacked
 from p3dof.loops.sidecar import JointData
 
 MOMENTS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -248,11 +248,14 @@ def random_motions(
     k = robot.kinematics
     home = robot.assemble().q
     free = k.at(home).svd.null_space
-    n = free.shape[1]
+    nv, n = free.shape
+
+    def within(N: FloatArray) -> FloatArray:  # the same on each processor, whichever basis N is
+        return np.asarray(N @ (N.T @ generator.normal(size=nv)))
 
     def draw() -> tuple[ClosurePoint, FloatArray, FloatArray]:
         for _ in range(_TRIES):
-            step = _STEP * free @ generator.normal(size=n)
+            step = _STEP * within(free)
             try:
                 q = robot.assemble(None, np.array(pin.integrate(robot.model, home, step))).q
             except AssemblyError:
@@ -260,8 +263,7 @@ def random_motions(
             point = k.at(q)
             N = point.svd.null_space
             if N.shape[1] == n:
-                v = _SPEED * N @ generator.normal(size=n)
-                a = _ACCELERATION * N @ generator.normal(size=n)
+                v, a = _SPEED * within(N), _ACCELERATION * within(N)
                 if point.J.size:
                     k.move(q, v)
                     a = a - point.svd.solve(k.acceleration())
@@ -298,13 +300,13 @@ def _of_rows(
         W = np.concatenate(blocks)
         size = np.linalg.norm(W, axis=0)
         kept = np.flatnonzero(size > _NOTHING * size.max(initial=0.0))
-        s = np.linalg.svd(W[:, kept] / size[kept], compute_uv=False)
+        _, s, Vt = np.linalg.svd(W[:, kept] / size[kept], full_matrices=False)
         found = int(np.count_nonzero(s > RANK_TOLERANCE * s.max(initial=0.0)))
         if found == rank:
             break
         rank, wanted = found, len(blocks) + max(4, len(blocks) // 2)
     beside = np.append(s / s.max(initial=0.0), 0.0)[max(0, rank - 1) :] if rank else np.zeros(2)
-    columns, matrix = _combined(W, size, kept, rank)
+    columns, matrix = _combined(W, size, kept, pivoted(Vt[:rank].T, np.array([], dtype=int)))
     return BaseParameters(
         names=tuple(_told(row, names, k) for row, k in zip(matrix, columns, strict=True)),
         values=matrix @ parameters,
@@ -318,15 +320,13 @@ def _of_rows(
 
 
 def _combined(
-    W: FloatArray, size: FloatArray, kept: NDArray[np.int_], rank: int
+    W: FloatArray, size: FloatArray, kept: NDArray[np.int_], base: NDArray[np.int_]
 ) -> tuple[NDArray[np.int_], FloatArray]:
-    """Return which columns are the base, and K (rank, P)."""
-    from scipy.linalg import qr, solve_triangular  # not at start-up
+    """Return which columns are the base, those of `kept` that `base` says, and K (rank, P)."""
+    from scipy.linalg import solve_triangular  # not at start-up
 
-    scaled = W[:, kept] / size[kept]
-    order = qr(scaled, mode="r", pivoting=True)[1]
-    base = np.sort(order[:rank])  # in the order of the parameters
-    rest = np.setdiff1d(order, base)
+    scaled, rank = W[:, kept] / size[kept], len(base)
+    rest = np.setdiff1d(np.arange(len(kept)), base)
     R = np.asarray(np.linalg.qr(scaled[:, np.concatenate((base, rest))]).R)
     share = solve_triangular(R[:rank, :rank], R[:rank, rank:])
     share[np.abs(share) < _ROUNDING] = 0.0
