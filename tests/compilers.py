@@ -17,15 +17,16 @@ CC = next((found for found in map(shutil.which, (*CPP, "cc")) if found), None)
 """One that is there, for tests to which it does not matter which."""
 
 
-def parameter(name: str):
+def parameter(name: str, slow: bool = False):
     """A compiler as a parameter of tests; where it is missing, they are skipped."""
     missing = pytest.mark.skipif(shutil.which(name) is None, reason=f"{name} not installed")
-    return pytest.param(name, id=name, marks=missing)
+    return pytest.param(name, id=name, marks=[missing, *([pytest.mark.slow] if slow else [])])
 
 
 COMPILED = pytest.mark.skipif(CC is None, reason="no C compiler here")
-each_c = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP])
-each_cpp = pytest.mark.parametrize("compiler", [parameter(name) for name in CPP.values()])
+each_c = pytest.mark.parametrize("compiler", [parameter(name, name != "gcc") for name in CPP])
+each_cpp = pytest.mark.parametrize("compiler", [parameter(name, name != "g++") for name in CPP.values()])
+"""Both; the second opinion is slow."""
 
 each_c_and_bake = pytest.mark.parametrize(
     ("compiler", "bake"),
@@ -34,7 +35,7 @@ each_c_and_bake = pytest.mark.parametrize(
             compiler,
             bake,
             id=f"{'baked' if bake else 'run-time'}-{compiler}",
-            marks=[*parameter(compiler).marks, *([pytest.mark.slow] if bake == (compiler == "gcc") else [])],
+            marks=parameter(compiler, slow=bake == (compiler == "gcc")).marks,
         )
         for compiler in CPP
         for bake in (False, True)

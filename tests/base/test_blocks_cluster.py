@@ -162,6 +162,7 @@ def test_ctrl_c_leaves_a_folder_that_a_cluster_goes_on_with(client, whole, tmp_p
     assert files(tmp_path / "out") == whole
 
 
+@pytest.mark.slow
 def test_a_block_that_kills_every_worker_ends_the_sweep_with_one_line(client, tmp_path):
     told = r"workers died while block \d .*; to resume it: resume=True"
     with pytest.raises(p3dof.errors.SweepError, match=told):

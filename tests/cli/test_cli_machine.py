@@ -152,6 +152,7 @@ def test_a_missing_engine_names_the_extra(tmp_path, capsys, monkeypatch):
     assert "p3dof[engines]" in err
 
 
+@pytest.mark.slow
 def test_exudyn_in_time(tmp_path, capsys):
     pytest.importorskip("exudyn")
     code, out, _ = run(capsys, "compare", "--in-time", "--out", tmp_path, "--no-plot", "--samples", 501)

@@ -150,7 +150,9 @@ def test_a_broken_formula_is_seen_by_jax(break_formula):
     assert errors(machine, states, np.asarray(gpu.jax_forces(parameter_row(machine), *states))).max() > 1e-6
 
 
-@pytest.mark.parametrize("machine", [PAPER, MACHINES["general"]], ids=["paper", "general"])
+@pytest.mark.parametrize(
+    "machine", [pytest.param(PAPER, marks=pytest.mark.slow), MACHINES["general"]], ids=["paper", "general"]
+)
 def test_jax_differentiates_the_forces(jax, machine):
     states, row = states_of(machine, count=60), np.array(parameter_row(machine))
     expected = p3dof.Manipulator(machine).force_derivatives(*states[:3], wrench=states[3])
@@ -165,6 +167,7 @@ def test_jax_differentiates_the_forces(jax, machine):
     np.testing.assert_allclose(last, found[0][0, 2], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_jax_differentiates_by_the_machine(jax):
     """Forces are linear in a mass: the derivative is the difference."""
     row, states = np.array(parameter_row(PAPER)), states_of(PAPER, count=20)

@@ -335,7 +335,11 @@ def test_the_same_input_gives_the_same_bytes(machine):
     ("prefix", "command"),
     [
         ("p3dof", ("codegen",)),
-        ("bar", ("loop", "codegen", str(GALLERY / "four_bar.urdf"), "--prefix", "bar")),
+        pytest.param(
+            "bar",
+            ("loop", "codegen", str(GALLERY / "four_bar.urdf"), "--prefix", "bar"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_on_the_command_line(capsys, tmp_path, prefix, command):

@@ -152,6 +152,7 @@ def test_conflicts_that_share_a_constraint_are_told_each() -> None:
         assert list(found[names].values()) == pytest.approx(amounts, abs=1e-7), names
 
 
+@pytest.mark.slow
 def test_the_least_amount_is_what_the_published_optimum_lacks() -> None:
     whole = paper_problem()
     problem = DesignProblem(

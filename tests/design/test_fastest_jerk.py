@@ -79,6 +79,7 @@ def test_friction_and_a_payload_count(robot):
     assert 0.99 < jerk.max() / 1500 < 1.001
 
 
+@pytest.mark.slow
 def test_smoother_blends_are_faster_within_a_jerk(robot):
     times = [
         fastest_plan(robot, t, AxisLimits(500, 2, jerk=500), nodes=40).duration for t in (SMOOTHER, BLENDED)

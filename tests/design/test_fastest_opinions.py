@@ -84,6 +84,7 @@ def test_topp_ra_finds_the_same_time(robot, task, force, speed):
     assert found == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_ipopt_finds_the_same_time_with_friction(robot):
     """ṡ at nodes, s̈ constant between them, forces with friction at both ends and in the middle."""
     friction = p3dof.machine.Friction(viscous={"sliders": VISCOUS}, coulomb={"sliders": COULOMB})

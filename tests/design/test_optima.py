@@ -62,6 +62,7 @@ def test_local_descents_find_the_published_optima(
 PEAKS = [row[1:] for row in ROWS if row[0] == "peak_force"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bounds", "r", "expected"), PEAKS[::7])
 def test_evolution_without_gradients_finds_the_same(
     bounds: dict[str, float], r: float | None, expected: float

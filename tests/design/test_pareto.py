@@ -41,6 +41,7 @@ def test_fronts_lie_on_the_published_optima(by_epsilon: Front) -> None:
         assert expected - 1e-4 < np.interp(bound, width, peak) < 1.005 * expected
 
 
+@pytest.mark.slow
 def test_polished_fronts_of_nsga_are_those_of_the_epsilon_constraint_method(by_nsga: Front) -> None:
     assert len(by_nsga.unpolished) > 20
     for index in range(1, len(by_nsga), 6):
@@ -49,6 +50,7 @@ def test_polished_fronts_of_nsga_are_those_of_the_epsilon_constraint_method(by_n
         assert peak == pytest.approx(exact.value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_polishing_only_makes_fronts_better(by_nsga: Front, by_epsilon: Front) -> None:
     corner = [120.0, 0.7]
     before = hypervolume(by_nsga.unpolished, np.array(corner))
@@ -95,6 +97,7 @@ def test_hypervolumes_are_those_of_boxes_and_of_random_points() -> None:
     assert hypervolume(costs, np.ones(3)) == pytest.approx(covered, abs=5 * deviation)
 
 
+@pytest.mark.slow
 def test_three_objectives_are_polished_by_bounds_on_two() -> None:
     pytest.importorskip("pymoo")
     problem = paper_problem(objectives=["peak_force", "width", "moving_mass"])

@@ -14,7 +14,16 @@ import p3dof
 
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
-RUN = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
+ELSEWHERE = {"gallery.md": "test_gallery.py"}
+"""Pages that another test runs, and reads the numbers of."""
+SLOW = {"gpu.md": pytest.mark.slow}
+"""Other tests hold what the page says, and JAX takes its time."""
+RUN = [
+    page
+    for page in PAGES
+    if page.name not in ELSEWHERE
+    and (commands(page) or any(block.language == "python" for block in blocks(page)))
+]
 
 
 def need_tools(page, *tools):
@@ -47,7 +56,9 @@ def ran(tmp_path_factory):
     return folder_of
 
 
-@pytest.mark.parametrize("page", RUN, ids=name)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=SLOW.get(page.name, ())) for page in RUN], ids=map(name, RUN)
+)
 def test_what_a_page_says_runs(page, ran):
     need_tools(page)
     ran(page)
@@ -56,6 +67,9 @@ def test_what_a_page_says_runs(page, ran):
 def test_pages_are_run():
     assert {"index.md", "how-to/your-own-machine.md", "how-to/motion-files.md"} <= set(map(name, RUN))
     assert sum(len(commands(page)) for page in RUN) >= 10
+    for page, test in ELSEWHERE.items():
+        (path,) = (ROOT / "tests").glob(f"*/{test}")
+        assert re.search(rf"run\(ROOT / \"docs/.*{page}\"", path.read_text(encoding="utf-8"))
 
 
 def test_the_parameter_file_is_one(tmp_path):

@@ -211,6 +211,7 @@ def pushed(forces, duration, step):
     return dict(zip(list(loop.model.names)[1:], q, strict=True))
 
 
+@pytest.mark.slow
 def test_loops_stay_closed_and_move_as_ours_do():
     """Kamino (maximal coordinates, semi-implicit Euler): 30 ms from rest under unequal forces.
 

@@ -25,7 +25,8 @@ from p3dof.runs import Integration
 
 DURATION = {"four_bar": 2.0, "five_bar": 2.0, "stewart": 2.0, "leg": 0.2, "two_arms": 0.5, "biped": 0.3}
 """How long they are followed [s]: the last three fall freely, and soon through singular positions."""
-ROBOTS = pytest.mark.parametrize("name", ["four_bar", "five_bar", "stewart"])
+STEWART = pytest.param("stewart", marks=pytest.mark.slow)
+ROBOTS = pytest.mark.parametrize("name", ["four_bar", "five_bar", STEWART])
 SAMPLES = 11
 SPRINGS = {"five_bar": (15.0, (2.1, 1.3)), "stewart": (800.0, (0.62,) * 6)}
 """Stiffness and rest of springs at the motors, so that the robot swings; the four-bar turns freely."""
@@ -129,7 +130,13 @@ def errors(
 
 @pytest.mark.parametrize(
     "name",
-    ["four_bar", "five_bar", pytest.param("stewart", marks=pytest.mark.slow), "leg", "two_arms", "biped"],
+    [
+        "four_bar",
+        "five_bar",
+        STEWART,
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("leg", "biped")),
+        "two_arms",
+    ],
 )
 def test_mujoco_comes_to_the_same_with_the_square_of_its_step(name):
     run, step = followed(name), 1e-3 if DURATION[name] > 1 else 5e-4

@@ -60,7 +60,7 @@ def overlap(one, other):
     return min(wide, high)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e6, 1e-6])
+@pytest.mark.parametrize("scale", [1.0, pytest.param(1e6, marks=pytest.mark.slow), 1e-6])
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_overlaps_and_nothing_is_cut_off(name, scale):
     """Of panels with all that belongs to them, also when numbers have many digits."""

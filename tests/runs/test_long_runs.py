@@ -36,7 +36,11 @@ def on_springs(name: str, frequency: float) -> tuple[ClosedLoopModel, np.ndarray
 
 @pytest.mark.parametrize(
     ("name", "frequency", "speed"),
-    [("five_bar", 1.5, 2.0), ("delta", 1.0, 2.0), pytest.param("stewart", 2.0, 0.2, marks=pytest.mark.slow)],
+    [
+        ("five_bar", 1.5, 2.0),
+        pytest.param("delta", 1.0, 2.0, marks=pytest.mark.slow),
+        pytest.param("stewart", 2.0, 0.2, marks=pytest.mark.slow),
+    ],
 )
 def test_robots_on_springs_keep_their_energy_for_ten_seconds(name, frequency, speed):
     robot, values = on_springs(name, frequency)

@@ -704,6 +704,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow
 def test_sanitizers_find_nothing(tmp_path):
     compiler = shutil.which("gcc")
     if compiler is None:
