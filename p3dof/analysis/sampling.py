@@ -51,7 +51,7 @@ Loads = Mapping[str, FloatArray]
 
 
 def refined(parameters: Parameters, motion: Motion, wrench: WrenchOverTime) -> Motion:
-    """Return a motion with as many samples as peaks and work need; no more if the machine cannot make it."""
+    """Return a motion with as many samples as peaks and work need; as it is where it cannot be performed."""
     if not isinstance(motion, Motion):
         raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
     steps = len(motion) - 1

@@ -30,8 +30,8 @@ from p3dof._base.errors import (
 )
 
 FAILED, BAD_INPUT, INTERRUPTED, READER_LEFT = 1, 2, 130, 141
-"""Exit codes: a check failed or the machine cannot make a motion; bad input; the last two as a shell has them
-for a program that SIGINT or SIGPIPE ended."""
+"""Exit codes: a check failed or the machine cannot perform a motion; bad input; the last two as a shell has
+them for a program that SIGINT or SIGPIPE ended."""
 
 
 _CANNOT = (SampleError, AssemblyError, DynamicsError, OptimisationError)

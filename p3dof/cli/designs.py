@@ -86,7 +86,7 @@ def designs(
 
     DESIGNS is a CSV or Parquet file with a row for each machine, or - for CSV on the standard input. Its
     columns are named as in the parameter file, with dots, and units in brackets: R [mm], rod_radius,
-    platform.mass. Everything else is taken from --parameters. A design that cannot make the motion gets a
+    platform.mass. Everything else is taken from --parameters. A design that cannot perform the motion gets a
     reason instead of numbers.
 
     Exit code 1 when no design can make the motion.

@@ -86,7 +86,7 @@ def examined() -> Iterator[Finding]:
         yield _optional(engine, [engine], "cross-checks of the forces", "engines")
     yield _tried("C compiler", _compiler, "for compiled robots: install gcc or clang")
     yield _tried("browser", _browser, "for films, pictures and PDF: install Chromium or Chrome")
-    yield _tried("cache", _cache, "for compiled robots: without it, every process compiles anew")
+    yield _tried("cache", _cache, "for compiled robots: without it, every process compiles again")
 
 
 def _required(package: str, module: str) -> Finding:

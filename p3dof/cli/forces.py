@@ -52,7 +52,7 @@ def forces(
 
     With --load-friction (methods pinocchio and virtual-power), friction and joint loads are solved together.
 
-    Exit code 1 when the machine cannot make the motion; no peaks are printed then.
+    Exit code 1 when the machine cannot perform the motion; no peaks are printed then.
     """
     case.protect(out, figure, read=(load_friction, stiffness))
     friction = load_friction_in(load_friction)
@@ -87,7 +87,7 @@ def forces(
 def energy(case: Case, method: str, out: Path | None, figure: Path | None) -> int:
     """Compute energies of the bodies, and power and work of the actuators over a motion.
 
-    Exit code 1 when the machine cannot make the motion; no peaks and sums are printed then.
+    Exit code 1 when the machine cannot perform the motion; no peaks and sums are printed then.
     """
     case.protect(out, figure)
     from p3dof.analysis.energy import balance_table, bodies_table, drives_table
@@ -188,7 +188,7 @@ class Drawings:
 def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> int:
     """Draw forces, joints, energy, reactions and the mechanism over a motion (needs the extra 'plot').
 
-    Exit code 1 when the machine cannot make the motion.
+    Exit code 1 when the machine cannot perform the motion.
     """
     chosen = [name for name in FIGURES if name in (only or FIGURES)]
     paths = {name: [out / f"{name}.{kind}" for kind in dict.fromkeys(formats)] for name in chosen}
@@ -235,7 +235,7 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
 @click.option(
     "--in-time",
     is_flag=True,
-    help="Also integrate the motion in time with Exudyn, at decreasing step sizes (extra 'engines').",
+    help="Also simulate the motion with Exudyn, at decreasing step sizes (extra 'engines').",
 )
 @click.option("--plot/--no-plot", default=True, help="Draw the figure (needs the extra 'plot').")
 def compare(
@@ -244,7 +244,7 @@ def compare(
     """Compute the actuator forces by both methods, compare them, and write forces.csv and a figure.
 
     Exit code 1 when the methods differ by more than the tolerance, when the compiled kernels or another
-    engine differ by more than the tolerance and 1e-9, or when the machine cannot make the motion.
+    engine differ by more than the tolerance and 1e-9, or when the machine cannot perform the motion.
     """
     case.protect(*(out / name for name in COMPARED))
     console = case.console()
@@ -297,6 +297,6 @@ def _print_convergence(console: Console, case: Case) -> None:
         for step, error, order, gap in zip(found.steps, found.errors, orders, found.gaps, strict=True)
     }
     rows["→ 0"] = (f"{found.extrapolated_error:.1e}", "", "")
-    title = "Exudyn in time (sliders driven, trapezoidal rule), against virtual-power"
+    title = "Exudyn simulation (sliders driven, trapezoidal rule), against virtual-power"
     header = ("step [ms]", "error, of the largest force", "order", "largest gap [m]")
     show(console, table_of(title, header, rows))

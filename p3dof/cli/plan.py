@@ -140,7 +140,7 @@ def plan(asked: _Asked, duration: float | None) -> int:
     """Plan the motion of a task file: from stop to stop, with blends, dwells, payloads and external loads.
 
     The tables list peak force, speed and power of each segment, and the utilisation of the tighter limits of
-    machine and task, with time and place. Exit code 1 when a limit is exceeded, or the machine cannot make
+    machine and task, with time and place. Exit code 1 when a limit is exceeded, or the machine cannot perform
     the motion.
     """
     task, robot = asked.opened()

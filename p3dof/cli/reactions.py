@@ -132,7 +132,7 @@ def reactions(loads: JointLoads, joints: Choice, out: Path | None, figure: Path 
     joints and rods, with the stiffness of --stiffness or of typical joints. The results of two rigid
     idealisations are printed beside them; they are no bounds.
 
-    Exit code 1 when the machine cannot make the motion; no peaks are printed then.
+    Exit code 1 when the machine cannot perform the motion; no peaks are printed then.
     """
     loads.protect(out, figure)
     case, result = loads.case, loads.reactions(joints)

@@ -80,7 +80,7 @@ def report(
     drives of a catalogue with torque-speed curves, bearing life, alternatives. On a motion (--motion, by
     default the paper's): parameters, figures and tables; with --drives or --bearings as on a task.
 
-    Exit code 1 when the machine cannot make the motion, or does not fit.
+    Exit code 1 when the machine cannot perform the motion, or does not fit.
     """
     case.protect(out)
     work.protect(task_file, (case.parameters, case.motion_file, case.wrench_file, stiffness), (out,))
@@ -115,7 +115,7 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
     if task_file is None:
         if case.on_invalid != "raise":
             raise click.UsageError("--on-invalid nan: a motion with gaps cannot be held against ratings")
-        work.refuse_plans("a motion file says how long it takes")
+        work.refuse_plans("a motion file has its own duration")
         friction = load_friction_in(work.load_friction)
         found: InverseDynamics | TaskForces = (
             case.solve("compiled")[0]

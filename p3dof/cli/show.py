@@ -34,7 +34,7 @@ def show(case: Case, view: View, out: Path | None, video: Path | None, screensho
 
     The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit
     code 0. With --out, --video or --screenshot files are written instead, with exit code 1 when the machine
-    cannot make the motion. Needs the extra 'viz'.
+    cannot perform the motion. Needs the extra 'viz'.
     """
     paths = [path for path in (out, screenshot, video) if path is not None]
     case.protect(*paths)

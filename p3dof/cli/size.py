@@ -1,4 +1,4 @@
-"""`p3dof size` and `p3dof balance`: which drives fit a task, and what balance spares them most."""
+"""`p3dof size` and `p3dof balance`: which drives fit a task, and which counterbalance spares them most."""
 
 from __future__ import annotations
 
@@ -203,5 +203,5 @@ def _moved(case: Case, duration: float | None, method: Method) -> tuple[Manipula
         raise click.UsageError("--duration belongs to a task; a motion has its own times")
     result, _ = case.solve(method)
     if not result.possible:
-        raise InputError("the machine cannot make this motion")
+        raise InputError("the machine cannot perform this motion")
     return case.robot, result

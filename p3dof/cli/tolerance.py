@@ -164,7 +164,9 @@ def tolerance(
     help="Base samples of the Sobol' indices (a power of two), each of as many machines as variables plus 2.",
 )  # fmt: skip
 @click.option(
-    "--drop-missing", is_flag=True, help="Leave out base samples with a machine that cannot make the motion."
+    "--drop-missing",
+    is_flag=True,
+    help="Leave out base samples with a machine that cannot perform the motion.",
 )
 @_work
 def sensitivity(

@@ -94,7 +94,7 @@ class Work:
         """Refuse to write over a file that is read, and settings that exclude each other."""
         protect((task, self.drives, self.bearings, self.load_friction, *inputs), outputs)
         if self.fastest and self.duration is not None:
-            raise click.UsageError("--duration: the fastest motion finds its own (--fastest)")
+            raise click.UsageError("--duration: the fastest motion has its own (--fastest)")
 
     def refuse_plans(self, reason: str) -> None:
         """Refuse options of plans where there is nothing to plan."""

@@ -58,7 +58,7 @@ _NUMBERS = {
     "armature_a": ("ARMATURE_A", "inertia reflected to slider A, with its counterweight [kg]"),
     "armature_b": ("ARMATURE_B", "[kg]"),
     "armature_c": ("ARMATURE_C", "[kg]"),
-    "balance_a": ("BALANCE_A", "force of balance and counterweight on slider A at home [N]"),
+    "balance_a": ("BALANCE_A", "force of counterbalance and counterweight on slider A at home [N]"),
     "balance_b": ("BALANCE_B", "[N]"),
     "balance_c": ("BALANCE_C", "[N]"),
     "spring_a": ("SPRING_A", "by which that falls as slider A rises [N/m]"),

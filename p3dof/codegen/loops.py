@@ -200,7 +200,7 @@ START_STEPS = 10  # of Newton's method, before a motion is followed
 FOLLOWING = ("integrate", "step", "motion")  # the functions that following a motion is made of
 _TEXTS = {
     "inverse_dynamics": "Forces of the motors and multipliers of the closures for a motion.",
-    "hybrid_dynamics": "Forces of the motors for their accelerations, while idle freedoms move as they must.",
+    "hybrid_dynamics": "Forces of the motors for their accelerations, passive freedoms moving as they must.",
     "forward_dynamics": "Acceleration of the tree under forces of the motors.",
     "stabilised_hybrid_dynamics": "The same, for loops that drifted open, with Baumgarte's stabilisation.",
     "stabilised_forward_dynamics": "Acceleration of the tree, with Baumgarte's stabilisation of the loops.",

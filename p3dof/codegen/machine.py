@@ -76,7 +76,7 @@ def body_names(link: str) -> list[str]:
 
 
 ACTUATORS = ("armature", "counterbalance", "spring", "counterweight")
-"""What motors, screws and balances have at each slider."""
+"""What motors, screws and counterbalances have at each slider."""
 
 GIVEN = (
     *("r", "R", "L", "gx", "gy", "gz"),

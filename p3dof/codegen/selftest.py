@@ -331,7 +331,7 @@ def selftest(
 def tolerances(expected: Reference, parameters: Parameters, precision: Precision) -> FloatArray:
     """Return the relative error that results at states may have, by what rounding is there.
 
-    It grows near singularities, which for doubles is all that matters. Of floats, guide-ways that are hardly
+    It grows near singularities, which for doubles is all that matters. Of floats, guides that are hardly
     farther out than the platform's joints take digits as well, since det J is proportional to R - r. And
     friction turns over within its smoothing rate, of which the rounding of a speed is a share then.
     """

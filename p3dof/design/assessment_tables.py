@@ -167,9 +167,9 @@ def _of_the_task(found: Assessment) -> str:
             words.append(f"{name.replace('_', ' ')} {text} {unit}")
     if not words:
         return ""
-    told = f"; {'the fastest motion' if fastest else 'the task'} has limits of its own: {', '.join(words)}"
+    own = f"; the {'time-optimal motion' if fastest else 'task'} has limits of its own: {', '.join(words)}"
     masses = ", ".join(f"{mass:g}" for mass in limits.reflected_mass)
-    return told + (f", with {masses} kg of drives in its force" if limits.reflected_mass.any() else "")
+    return own + (f", with {masses} kg of drives in its force" if limits.reflected_mass.any() else "")
 
 
 def _friction(found: Assessment) -> str:

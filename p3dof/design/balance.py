@@ -1,4 +1,4 @@
-"""The balance of each slider that leaves its actuator the least to do over a motion or a task."""
+"""The counterbalance of each slider that leaves its actuator the least to do over a motion or a task."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
 BalanceKind: TypeAlias = Literal["constant", "spring", "counterweight"]
-"""What balances: a constant force, a spring with a force at home, or a mass over a pulley."""
+"""Kinds of counterbalance: a constant force, a spring with a force at home, or a mass over a pulley."""
 BALANCE_KINDS: tuple[BalanceKind, ...] = get_args(BalanceKind)
 Objective: TypeAlias = Literal["rms", "peak"]
 """What is to be least: the root mean square of each force, or its largest magnitude."""
@@ -36,12 +36,12 @@ _UNITS = {"counterbalance": "N", "spring": "N/m", "counterweight": "kg"}
 
 @dataclass(frozen=True, eq=False)
 class BestBalance:
-    """The best balance of one kind.
+    """The best counterbalance of one kind.
 
     Parameters
     ----------
     kind : {"constant", "spring", "counterweight"}
-        What balances.
+        The kind of counterbalance.
     objective : {"rms", "peak"}
         What is least.
     parameters : Parameters
@@ -49,7 +49,7 @@ class BestBalance:
     time : ndarray, shape (N,)
         Times of the samples [s].
     before, after : ndarray, shape (N, 3)
-        Forces of the actuators A, B, C without a balance of this kind, and with the best one [N].
+        Forces of the actuators A, B, C without a counterbalance of this kind, and with the best one [N].
     rms_before, rms_after : ndarray, shape (3,)
         Root mean square of these forces over time, dwells included [N].
     notes : tuple of str
@@ -72,7 +72,7 @@ class BestBalance:
 
     @property
     def actuators(self) -> Actuators:
-        """What motors and balances of the machine then are."""
+        """What motors and counterbalances of the machine then are."""
         return self.parameters.actuators
 
     @property
@@ -102,21 +102,21 @@ def best_balance(
     kind: BalanceKind = "constant",
     objective: Objective = "rms",
 ) -> BestBalance:
-    """Return the balance of each slider with which its actuator has the least to do.
+    """Return the counterbalance of each slider with which its actuator has the least to do.
 
-    A balance changes the forces linearly, and each only that of its own actuator: a constant force c by -c, a
-    spring of stiffness k by k λ besides, a counterweight m by m (λ̈ + g_z), its own inertia included. So the
+    A counterbalance changes the forces linearly, and each only that of its own actuator: a constant force c
+    by -c, a spring of stiffness k by k λ, a counterweight m by m (λ̈ + g_z), its own inertia included. So the
     best one is found exactly: by least squares over time, or by a linear program for the peak. What the
-    machine has of the same kind already is replaced; its armature and its other balances stay.
+    machine has of the same kind already is replaced; its armature and its other counterbalances stay.
 
     Parameters
     ----------
     robot : Manipulator
         The machine.
     found : InverseDynamics, TaskForces, Motion or Plan
-        Its forces over a motion, or over a task with its waits and payloads; or what it has to do.
+        Its forces over a motion, or over a task with its dwells and payloads; or what it has to do.
     kind : {"constant", "spring", "counterweight"}
-        What balances.
+        The kind of counterbalance.
     objective : {"rms", "peak"}
         What is to be least: the root mean square over time, or the largest magnitude.
 
@@ -222,7 +222,7 @@ def _least_peak(force: FloatArray, shapes: FloatArray, positive: bool) -> FloatA
 
 
 def _notes(kind: BalanceKind, chosen: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Say what has to be known of a balance."""
+    """Say what has to be known of a counterbalance."""
     if kind == "spring":
         for leg, stiffness in zip(LEGS, chosen["spring"], strict=True):
             if stiffness < 0:
@@ -238,7 +238,7 @@ def _notes(kind: BalanceKind, chosen: Mapping[str, FloatArray]) -> Iterator[str]
 
 
 def balance_table(found: BestBalance) -> Table:
-    """Return a balance, and what it spares."""
+    """Return a counterbalance, and what it spares."""
     values = found.named_values
     header = (
         "actuator",

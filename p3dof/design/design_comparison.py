@@ -111,7 +111,7 @@ class DesignComparison(ShownInNotebook):
 
     @cached_property
     def measures(self) -> tuple[DesignMeasure, ...]:
-        """What is compared: loads, powers, time, ratings, mass, room, and lives where they are known."""
+        """Loads, powers, time, ratings, mass, installation space, and lives where they are known."""
         each = [_measured(one) for one in self.assessments]
         keys = list(dict.fromkeys(key for one in each for key in one))
         return tuple(DesignMeasure(*key, tuple(one.get(key, math.nan) for one in each)) for key in keys)
@@ -184,7 +184,7 @@ def compare_designs(
     samples: int = 2001,
     progress: Progress | None = None,
 ) -> list[DesignComparison]:
-    """Compare machines over tasks: loads, powers, energy, cycle time, worst rating, mass, room, lives.
+    """Compare machines over tasks: loads, powers, energy, cycle time, worst rating, mass, space, lives.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ def planned_forces(
     if isinstance(work, Motion):
         return robot.inverse_dynamics(work, method=method, **friction)  # type: ignore[arg-type]  # by name
     if fastest and duration is not None:
-        raise InputError("duration: the fastest motion finds its own")
+        raise InputError("duration: the fastest motion has its own")
     plan = fastest_plan(robot, work, samples=samples) if fastest else work.plan(duration, samples)
     return forces_of_task(robot, plan, method, **friction)  # type: ignore[arg-type]  # likewise
 

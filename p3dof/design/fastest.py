@@ -58,7 +58,7 @@ def fastest_plan(
     task : Task
         What it has to do.
     limits : AxisLimits, optional
-        What the actuators may be asked for. Without it those of the task, and force and speed of the
+        Limits of the actuators. Without it those of the task, and force and speed of the
         machine's `p3dof.machine.Limits` where the task gives none.
     nodes : int, optional
         Steps along each way, closer together at its ends; 400, with a jerk 150, without it.

@@ -1,4 +1,4 @@
-"""`TaskForces`: what a task asks of the actuators, with what the platform carries and bears on the way."""
+"""`TaskForces`: what a task asks of the actuators, with what the platform bears along the path."""
 
 from __future__ import annotations
 

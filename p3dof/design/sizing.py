@@ -99,7 +99,7 @@ def _rank(sizing: Sizing) -> tuple[float, ...]:
 def _static(
     robot: Manipulator, found: InverseDynamics | TaskForces
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the largest holding forces (3,), when, least and largest moved masses (2, 3), last holding."""
+    """Return the largest static forces (3,), when, least and largest moved masses (2, 3), last holding."""
     times, forces, masses = [], [], []
     for parameters, motion in _loaded(robot, found):
         rows = np.linspace(0, len(motion) - 1, min(len(motion), _POSES)).round().astype(int)

@@ -2,7 +2,7 @@
 
 Joints and links that are linearly elastic, and not stressed when they were assembled, share a load so that
 their complementary energy ½ Σ wᵀ C w is smallest, over all reactions w that Newton's and Euler's equations
-allow (Castigliano's second theorem, or Menabrea's principle of least work). A misfit δ of assembly, by which
+allow (Castigliano's second theorem, or Menabrea's principle of least work). An assembly error δ, by which
 joints would have to be forced together, adds H δ with H = G (Gᵀ C G)⁻¹ Gᵀ, where the columns of G are the
 changes of the reactions that rigid bodies leave open.
 

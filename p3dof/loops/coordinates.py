@@ -4,8 +4,8 @@ How exact results are: what single samples, many samples and compiled dynamics m
 decides (single samples, by singular value decompositions) refuses by `ACCURACY`. Faster ways keep what is
 `SURELY` within it, whatever norm it is measured in, and hand all else over: so all refuse the same samples.
 
-Then rotations, joints by name, and springs, balances, damping and friction in joints: forces, energy, power,
-at any states.
+Then rotations, joints by name, and springs, counterbalances, damping and friction in joints: forces, energy,
+power, at any states.
 """
 
 from __future__ import annotations
@@ -430,7 +430,7 @@ class Passive:
         return by_q, -self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2)
 
     def energy(self, q: FloatArray) -> FloatArray:
-        """Return the energy in springs and balances (...) [J]."""
+        """Return the energy in springs and counterbalances (...) [J]."""
         found = np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) ** 2, axis=-1) / 2
@@ -439,7 +439,7 @@ class Passive:
         return np.asarray(found)
 
     def power(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return how fast springs and balances take up energy (...) [W]."""
+        """Return how fast springs and counterbalances take up energy (...) [W]."""
         found = np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) * v[..., spring.v], axis=-1)

@@ -489,8 +489,8 @@ class LoopModel:
     ) -> HybridDynamics:
         """Return the forces that produce prescribed accelerations, while passive freedoms move freely.
 
-        Idle is what is neither prescribed nor determined by the closures: a floating base, wheels, rods that
-        spin about themselves. Where everything is prescribed it is `inverse_dynamics`.
+        Passive is what is neither prescribed nor determined by the closures: a floating base, wheels, rods
+        that spin about themselves. Where everything is prescribed it is `inverse_dynamics`.
 
         Parameters
         ----------

@@ -371,7 +371,7 @@ class ReactionSolver:
         count = len(self.names)
         if compliances is None:
             if misfit is not None:
-                raise ModelError("misfit: what it adds depends on how joints give way; give compliances too")
+                raise ModelError("misfit: loads of assembly errors depend on the compliances; give them too")
             return Measure(self.length)
         given = tuple(compliances)
         if len(given) != count or not all(isinstance(one, JointCompliance) for one in given):

@@ -121,7 +121,7 @@ def coriolis_matrix(parameters: Parameters, states: States, out: FloatArray | No
 def gravity_forces(parameters: Parameters, states: States, out: FloatArray | None = None) -> FloatArray:
     """Return g(x), the gradient of the potential energy: what holds the machine against gravity.
 
-    Less what balances at the sliders bear.
+    Less what counterbalances at the sliders bear.
     """
     poses = reachable(parameters.geometry, states).states.pose
     gravity, actuation = numbers(parameters.gravity), _actuation(parameters)

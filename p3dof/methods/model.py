@@ -66,7 +66,7 @@ class ManipulatorModel:
 
     @cached_property
     def loop(self) -> ClosedLoopModel:
-        """The mechanism as a closed-loop model on Pinocchio: with armature, without friction and balances."""
+        """The mechanism as a closed-loop model on Pinocchio: armature, no friction or counterbalances."""
         from p3dof.loops import ClosedLoopModel
         from p3dof.machine import description
         from p3dof.methods.pinocchio import armature_of

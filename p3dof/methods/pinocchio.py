@@ -8,7 +8,7 @@ Friction for the Pinocchio route: joint forces in the tree, pairs of moments whe
 
 The rates are those of Pinocchio's own joints and frames; no closed form of the mechanism is used.
 
-What acts in the joints of the Pinocchio route by itself: friction, and the balances of the sliders.
+What acts in the joints of the Pinocchio route by itself: friction, and the counterbalances of the sliders.
 
 The reflected inertia of motors and screws is none of it: it is in the model, as Pinocchio's armature.
 
@@ -211,7 +211,7 @@ def armature_of(model: pin.Model, actuators: Actuators) -> FloatArray:
 
 
 class JointForces:
-    """Friction and balances of a machine in its closed-loop model."""
+    """Friction and counterbalances of a machine in its closed-loop model."""
 
     def __init__(self, loop: ClosedLoopModel, parameters: Parameters) -> None:
         self._friction = FrictionForces(loop, parameters.friction)
@@ -231,7 +231,7 @@ class JointForces:
         return self._with_balance(self._friction.over(q, v), q)
 
     def stored_power(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return how fast the potential energy of the balances grows [W]."""
+        """Return how fast the potential energy of the counterbalances grows [W]."""
         return np.asarray(-(self._balance(q) * v[..., self._v]).sum(axis=-1))
 
     def _balance(self, q: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 Less what friction takes and without external loads, the forces are linear in the inertial parameters of the
 bodies, and 21 combinations of these 100 are all that forces can tell; see
-`p3dof.closed_form.compiled.reduced`. They are linear in the nine numbers of motors, screws and balances, too.
+`p3dof.closed_form.compiled.reduced`. They are linear in nine numbers of motors, screws and counterbalances.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ BASE = Reduced._fields
 """The 21 base inertial parameters."""
 
 ACTUATED = Actuated._fields
-"""Reflected inertia, balance at home and its stiffness at each slider, counterweights in the first two."""
+"""Reflected inertia, counterbalance at home and stiffness at each slider, counterweights in the first two."""
 
 LENGTHS = ("r", "R", "L")
 """The lengths that the forces depend on."""
@@ -72,12 +72,12 @@ class ForceRegressor(Readable):
     by_gravity : ndarray, shape (..., 3, 3)
         By the acceleration of gravity [N s²/m].
     actuators : ndarray, shape (..., 3, 9)
-        ∂f/∂ψ by reflected inertia, balance at home and stiffness of each slider, named in `ACTUATED`: the
-        acceleration of the slider, -1, and its position. With gravity known, forces tell an armature from
-        the mass of a slider only by its weight, which a balance may bear.
+        ∂f/∂ψ by reflected inertia, counterbalance at home and stiffness of each slider, named in `ACTUATED`:
+        the acceleration of the slider, -1, and its position. With gravity known, forces tell an armature from
+        the mass of a slider only by its weight, which a counterbalance may bear.
     actuator_parameters : ndarray, shape (9,)
-        ψ of the machine: armatures and counterweights together [kg]; forces of balances and counterweights
-        at home [N]; [N/m].
+        ψ of the machine: armatures and counterweights together [kg]; forces of counterbalances and
+        counterweights at home [N]; [N/m].
     friction : ndarray, shape (..., 3)
         The part of the forces that works against friction, which no inertial parameter changes [N]; zero
         without friction.

@@ -99,8 +99,8 @@ class InverseDynamics(Later, ShownInNotebook):
     def warnings(self) -> tuple[str, ...]:
         """What a reader of these numbers should know, one sentence each; empty when all is well.
 
-        Invalid samples, crossings of a singularity, exceeded limits; that the samples are too coarse for the
-        peaks and the work between them; that poses look like waypoints, or are too rough to differentiate.
+        Invalid samples, crossings of a singularity, exceeded limits; that the motion is undersampled for the
+        peaks and the work between them; that poses look like waypoints, or are too noisy to differentiate.
         The first look takes some milliseconds a thousand samples.
         """
         return () if self.examine is None else self.examine(self)

@@ -196,7 +196,7 @@ def pictures_of(
             "Drawing of the mechanism from the front, the side, the top and at an angle, with the joints "
             f"A1 to C7, at y = {y:.4g} m, z = {z:.4g} m, θ = {theta:.4g} rad.",
             f"The mechanism at t = {motion.time[row]:g} s, from the front, the side and the top at one "
-            "scale, and the path of P. Guideways are drawn in the background.",
+            "scale, and the path of P. Guides are drawn in the background.",
         ),
         joints=picture(
             joints_figure(first),
@@ -217,7 +217,7 @@ def pictures_of(
             plots.reactions_figure(reactions),
             f"Resultant force and moment in each of the thirteen joints {span}.",
             "Resultant forces and moments in the joints. Of what rigid bodies leave open, solid lines are "
-            "what elastic joints bear, dashed and dotted ones what two idealisations would say.",
+            "what elastic joints bear, dashed and dotted ones the results of two idealisations.",
         ),
     )
 

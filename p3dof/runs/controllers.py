@@ -215,7 +215,7 @@ _HUGE = 1e3  # forces by so much larger than the weight make one look whether th
 
 
 class Springs:
-    """Linear springs and dampers between the guideways and the sliders, instead of drives.
+    """Linear springs and dampers between the guides and the sliders, instead of drives.
 
     Parameters
     ----------

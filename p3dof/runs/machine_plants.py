@@ -396,7 +396,7 @@ class MinimalPlant:
 
 
 class MachineJoints(ConstrainedPlant):
-    """All joints of the manipulator's tree, held together by its closures, with friction and balances."""
+    """All joints of the tree, held together by its closures, with friction and counterbalances."""
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel, stabilisation: float) -> None:
         super().__init__(loop, stabilisation, (PLATFORM,), JointForces(loop, parameters).at)

@@ -118,7 +118,9 @@ class InitialState(FrozenArrays):
         if not isinstance(self.joints, tuple) or len(self.joints) != 2:
             raise InputError("joints: expected a tuple of joint positions and velocities, (q, v)")
         if pose.any() or velocity.any():
-            raise InputError("joints: they say where the platform is; give them without pose and velocity")
+            raise InputError(
+                "joints: they determine the pose of the platform; give them without pose and velocity"
+            )
         q, v = (frozen_array(name, value, ("nv",)) for name, value in zip("qv", self.joints, strict=True))
         object.__setattr__(self, "joints", (q, v))
 

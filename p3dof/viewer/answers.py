@@ -23,7 +23,7 @@ _OPEN = 1e-9
 _SAME = 1e-12
 """Values nearer than this are the same [m or rad]."""
 
-_ANOTHER = "the loops close there in another assembly, beyond a singular configuration"
+_ANOTHER = "the loops close there in another assembly, past a singular configuration"
 
 
 class Hand:

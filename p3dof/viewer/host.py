@@ -277,7 +277,7 @@ class Entrance:
         """Say once, until there is room again, that connections are closed."""
         if not self._told:
             self._told = True
-            _log.warning("p3dof: connections to the page are closed that have not asked for it (%s)", reason)
+            _log.warning("p3dof: connections to the page are closed that have not requested it (%s)", reason)
 
 
 def _most_files() -> int:

@@ -116,7 +116,7 @@ function shortest(share, known, where) {
     while (above > 0) {
         [low, below] = [high, above];
         high = known ? high + 4 * (high - known) : 2 * high;
-        if (high > SLOWEST) throw new TaskError(`${where}: a limit is exceeded even very slowly: it leaves no room to move`);
+        if (high > SLOWEST) throw new TaskError(`${where}: a limit is exceeded even very slowly: it allows no motion`);
         above = over(high);
     }
     for (let side = 0; high - low > CLOSE * high; ) { // regula falsi in 1 / time^2, in which forces are straight (Illinois)
@@ -135,7 +135,7 @@ export function requireWay(engine, path, where) {
         const [pose] = path.at((path.end * k) / (POINTS - 1));
         const found = reasons(ownMargins(engine, pose));
         if (!found.length) continue;
-        const what = impossible(found) ? "the way cannot be made" : "the way leaves the limits";
+        const what = impossible(found) ? "the path cannot be followed" : "the path leaves the limits";
         throw new TaskError(`${where}: ${what} ${Math.round((100 * k) / (POINTS - 1))} % along it: ${told(found[0])}`);
     }
 }
@@ -148,7 +148,7 @@ function requireStanding(way, limits, where) {
     const [at, leg] = [Math.floor(worst / 3), "ABC"[worst % 3]];
     throw new TaskError(
         `${where}: ${leg} needs ${Math.abs(held[worst]).toFixed(1)} N to stand still ${Math.round((100 * at) / count)} % `
-        + `along the way, more than ${limits.force} N`,
+        + `along the path, more than ${limits.force} N`,
     );
 }
 

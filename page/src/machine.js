@@ -54,7 +54,7 @@ const PAPER = { r: 0.1, R: 0.25, L: 0.4, b: 0.05 };
  * @property {number[]} [counterweight]
  */
 
-/** What motors and balances add at the sliders A, B, C, in place of the file's. */
+/** What motors and counterbalances add at the sliders A, B, C, in place of the file's. */
 export const ACTUATORS = /** @type {const} */ (["armature", "counterbalance", "spring", "counterweight"]);
 
 /**

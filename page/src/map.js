@@ -14,14 +14,14 @@ const SCALE = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 
 /** @type {Record<number, [string, number[]]>} */
 const STATES = {
     [POSSIBLE]: ["possible", [46, 160, 67, 150]],
-    [BEYOND_TRAVEL]: ["beyond a slider's travel", [128, 140, 152, 120]],
-    [BEYOND_FORCE]: ["beyond a force limit", [209, 73, 43, 170]],
-    [BEYOND_TILT]: ["beyond the tilt limit", [160, 120, 60, 150]],
+    [BEYOND_TRAVEL]: ["exceeds a slider's travel", [128, 140, 152, 120]],
+    [BEYOND_FORCE]: ["exceeds a force limit", [209, 73, 43, 170]],
+    [BEYOND_TILT]: ["exceeds the tilt limit", [160, 120, 60, 150]],
     [BEYOND_SINGULAR]: ["singular: not held", [140, 60, 160, 170]],
 };
 const OPACITY = 165;
 /** @type {[Shade, string][]} */
-const SHADES = [["force", "largest holding force"], ["margin", "least margin"], ["status", "what is possible"]];
+const SHADES = [["force", "largest static force"], ["margin", "least margin"], ["status", "what is possible"]];
 
 /** @type {WeakMap<State, {key: string, map: WorkspaceMap, range: number[], milliseconds: number}>} */
 const latest = new WeakMap();

@@ -171,7 +171,7 @@ export function planned(task, stretches, durations, samples = 1001) {
 }
 
 /**
- * The times of samples, as `p3dof.design.tasks.plan` has them: even over each part of a way, few in waits.
+ * The times of samples, as `p3dof.design.tasks.plan` has them: even over each part of a segment, few in dwells.
  * @param {Span[]} spans @param {number[]} turns where lines and blends end @param {number[]} kinks of the profile
  * @param {number} moving how long all ways take [s] @param {number} samples
  */

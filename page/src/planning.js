@@ -33,7 +33,7 @@ const got = (value) => (Number.isNaN(value) ? "nothing" : String(Number(value.to
 export function wrongWaits(task) {
     const names = namesOf(task);
     return task.waypoints.flatMap(({ dwell, blend }, at) => [
-        ...(dwell >= 0 ? [] : [{ at, text: `${names[at]}: wait: expected zero seconds or more, got ${got(dwell)}` }]),
+        ...(dwell >= 0 ? [] : [{ at, text: `${names[at]}: dwell: expected zero seconds or more, got ${got(dwell)}` }]),
         ...(blend >= 0 ? [] : [{ at, text: `${names[at]}: blend: expected more than zero, got ${got(blend * 1e3)} mm` }]),
     ]);
 }

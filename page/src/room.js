@@ -16,12 +16,12 @@ export function mount(element, state) {
     const rows = AXES.map((axis, k) => make("tr", {}, make("th", { scope: "row" }, axis), cells[2 * k].element, cells[2 * k + 1].element));
     const table = make("table", { className: "room" }, make("tbody", {}, ...rows));
     const said = make("p", { className: "alarm", role: "status" });
-    const kept = make("p", { className: "note" }, "From here, at rest, one way at a time.");
+    const kept = make("p", { className: "note" }, "At rest, along one axis at a time.");
     const map = make("input", { type: "checkbox" });
     map.addEventListener("change", () => state.set({ layers: { ...state.layers, map: map.checked } }));
     const show = make("label", { className: "check", title: "Show where P could be at this tilt, in the picture" }, map, " map");
     const left = margin(state);
-    element.append(make("div", { className: "title" }, make("h2", {}, "How far could it move?"), show), make("div", { className: "ways" }, table, said), kept, left.part);
+    element.append(make("div", { className: "title" }, make("h2", {}, "Travel from here"), show), make("div", { className: "ways" }, table, said), kept, left.part);
     let known = "";
     state.subscribe(() => {
         map.checked = state.layers.map;
@@ -45,13 +45,13 @@ export function mount(element, state) {
     });
 }
 
-/** What each leg has left, for who wants to know. @param {State} state */
+/** Margins of each leg, for who wants to know. @param {State} state */
 function margin(state) {
     const kinds = [["Reach", "m"], ["Travel", "m"], ["Force", "N"]];
     const heads = kinds.map(() => make("th", { scope: "col" })), cells = LEGS.map(() => kinds.map(() => make("td")));
     const rows = cells.map((row, k) => make("tr", {}, make("th", { scope: "row" }, LEGS[k]), ...row));
     const angles = make("p", { className: "note" });
-    const part = make("details", { className: "margins" }, make("summary", {}, "What each leg has left"),
+    const part = make("details", { className: "margins" }, make("summary", {}, "Margins of each leg"),
         make("table", {}, make("thead", {}, make("tr", {}, make("td"), ...heads)), make("tbody", {}, ...rows)), angles);
     return {
         part,

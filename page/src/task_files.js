@@ -131,7 +131,7 @@ export function leftOut(whatIf, task) {
         bodies === "solids" ? "steel solids of these lengths" : "",
         ...ACTUATORS.map((kind) => (whatIf[kind] ? `${kind} (${whatIf[kind].map(short).join(", ")}) of the sliders` : "")),
         gravity ? `gravity (${gravity.map(short).join(", ")}) m/s^2` : "",
-        acts(wrench) && task.waypoints.some(({ dwell }) => dwell > 0) ? `the external load (${wrench.map(short).join(", ")}) N, N m during waits` : "",
+        acts(wrench) && task.waypoints.some(({ dwell }) => dwell > 0) ? `the external load (${wrench.map(short).join(", ")}) N, N m during dwells` : "",
     ].filter(Boolean);
 }
 

@@ -83,7 +83,7 @@ class Row {
         this.kind.addEventListener("change", () => changeWaypoint(state, k, this.kind.value === "pass"
             ? { blend: BLEND, dwell: 0, duration: null } : { blend: 0 }));
         this.what = make("span");
-        this.amount = make("input", { type: "number", step: "any", min: "0", "aria-label": `Wait or blend at waypoint ${k + 1}` });
+        this.amount = make("input", { type: "number", step: "any", min: "0", "aria-label": `Dwell or blend at waypoint ${k + 1}` });
         this.amount.addEventListener("change", () => this.take());
         this.unit = make("span");
         this.go = make("button", { type: "button", title: "Show the platform here", "aria-label": `Show waypoint ${k + 1}` }, "show");
@@ -113,7 +113,7 @@ class Row {
             fill(this.boxes[i], point.pose.length > i ? point.pose[i] * factor : NaN);
         });
         choose(this.kind, [["stop", "stop"], .../** @type {[string, string][]} */ (end ? [] : [["pass", "pass"]])], point.blend ? "pass" : "stop");
-        write(this.what, point.blend ? "blend" : "wait");
+        write(this.what, point.blend ? "blend" : "dwell");
         write(this.unit, point.blend ? shown("m", state.units).unit : "s");
         markWrong(this.amount, wrongWaits(state.task).some(({ at }) => at === k));
         fill(this.amount, point.blend ? point.blend * shown("m", state.units).factor : point.dwell);
@@ -182,7 +182,7 @@ function sortable(item, grip, list, state, k) {
 
 /** How the ways are covered. @param {State} state */
 function settings(state) {
-    const profile = make("select", { "aria-label": "Profile of each way" });
+    const profile = make("select", { "aria-label": "Profile of each segment" });
     profile.addEventListener("change", () => state.set({ task: { ...state.task, profile: profile.value } }));
     const mode = make("select", { "aria-label": "How long it takes" });
     mode.addEventListener("change", () => state.set({ pace: { ...state.pace, fastest: mode.value === "fastest" } }));
@@ -323,7 +323,7 @@ function result(state) {
 function told(state, { ways, milliseconds }, plan) {
     const total = plan.time[plan.time.length - 1], texts = [];
     if (state.pace.fastest) {
-        texts.push(`${fixed(total, 3)} s: the fastest of rest-to-rest ${PLURAL[state.task.profile]} along these ways (found in ${fixed(milliseconds, 0)} ms).`);
+        texts.push(`${fixed(total, 3)} s: the fastest of rest-to-rest ${PLURAL[state.task.profile]} along these segments (computed in ${fixed(milliseconds, 0)} ms).`);
         texts.push(`At its limit: ${ways.map(({ from, to, binding }) => `${binding === "given" ? "time as given" : binding} from ${short(from)} to ${short(to)}`).join("; ")}.`);
     } else {
         texts.push(`${fixed(total, 3)} s in all.`);

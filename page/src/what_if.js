@@ -22,7 +22,7 @@ const NUMBERS = [
     { key: "viscous", label: "Viscous friction", unit: "N s/m", title: "Of each slider, besides the machine's", range: () => [0, 200], step: 1, digits: 0 },
     { key: "coulomb", label: "Coulomb friction", unit: "N", title: "Of each slider, besides the machine's", range: () => [0, 50], step: 0.5, digits: 1 },
     { key: "L", label: "Legs L", unit: "m", title: "Length of legs and rods", range: around, step: 0.001, digits: 0 },
-    { key: "R", label: "Base R", unit: "m", title: "From the middle to each guide-way", range: around, step: 0.001, digits: 0 },
+    { key: "R", label: "Base R", unit: "m", title: "From the middle to each guide", range: around, step: 0.001, digits: 0 },
     { key: "r", label: "Platform r", unit: "m", title: "From P to each joint of the platform", range: around, step: 0.001, digits: 0 },
 ];
 
@@ -235,7 +235,7 @@ const MEANINGS = {
     counterweight: "Mass on a rope over a pulley that pulls the slider up",
 };
 
-/** Motors and balances of the three sliders: the machine's, and what they are instead. @param {State} state */
+/** Motors and counterbalances of the three sliders: the machine's, and what they are instead. @param {State} state */
 function actuators(state) {
     /** @param {Engine} engine @param {typeof ACTUATORS[number]} kind */
     const base = (engine, kind) => ownOf(state)[kind] ?? Array.from(engine.original.slice(PLACES[kind], PLACES[kind] + 3));
@@ -258,7 +258,7 @@ function actuators(state) {
     });
     const head = make("tr", {}, make("td"), ...["A", "B", "C"].map((leg) => make("th", { scope: "col" }, leg)));
     const table = make("table", { className: "actuators" }, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row)));
-    const row = make("details", {}, make("summary", {}, "Motors and balances"), table);
+    const row = make("details", {}, make("summary", {}, "Motors and counterbalances"), table);
     return {
         row,
         /** @param {Engine} engine */

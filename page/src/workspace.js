@@ -32,7 +32,7 @@ const REACH = 1e-14;
  */
 
 /**
- * Returns how much longer the legs are than a pose demands of them across the guide-ways [m].
+ * Returns how much longer the legs are than a pose demands of them across the guides [m].
  * @param {{r: number, R: number, L: number}} lengths
  * @param {number} y
  * @param {number} theta
@@ -204,7 +204,7 @@ export const POSSIBLE = 0, BEYOND_REACH = 1, BEYOND_SINGULAR = 2, BEYOND_TRAVEL 
 /**
  * A map of the poses with one theta: `status` of each point, row of z after row, each along y; by column `margin`,
  * the least reach margin [m], `angle` to the singular pose [rad], and `force`, the largest that holds a pose [N].
- * None of these changes with z, for the guide-ways are vertical; the sliders' travel does, and `room` is how much of
+ * None of these changes with z, for the guides are vertical; the sliders' travel does, and `room` is how much of
  * it is left at each point [m].
  * @typedef {object} WorkspaceMap
  * @property {number} theta

@@ -85,8 +85,8 @@ test("limits and waits that are none are refused, each by its name", () => {
     assert.deepEqual(told({ fastest: false, force: 0 }), []);
     assert.deepEqual(told({ fastest: false, duration: 0 }), ["duration: time in all: expected more than zero seconds, got 0"]);
     assert.deepEqual(wrongWaits(good), []);
-    assert.deepEqual(wrongWaits(points), [{ at: 1, text: "waypoint 2: wait: expected zero seconds or more, got -1" }]);
-    assert.deepEqual(wrongWaits(task([stop([0, 0, 0], 0, NaN), stop([1, 0, 0])])), [{ at: 0, text: "waypoint 1: wait: expected zero seconds or more, got nothing" }]);
+    assert.deepEqual(wrongWaits(points), [{ at: 1, text: "waypoint 2: dwell: expected zero seconds or more, got -1" }]);
+    assert.deepEqual(wrongWaits(task([stop([0, 0, 0], 0, NaN), stop([1, 0, 0])])), [{ at: 0, text: "waypoint 1: dwell: expected zero seconds or more, got nothing" }]);
 });
 
 test("a pose's reasons name what is beyond, out of reach alone", () => {

@@ -47,7 +47,7 @@ test("a payload is carried in the file, an external load acts on its ways, and w
     assert.deepEqual(parseYaml(text).carrying, { mass: 3, com: [0, 0, -0.05], inertia: [0, 0, 0] });
     assert.deepEqual(read.carrying, { payload: 3, below: 0.05 });
     assert.deepEqual(read.task.waypoints.map(({ wrench }) => wrench && wrench.slice(0, 3)), [null, ...Array(3).fill([0, 5, 0]), [0, 15, -50]]);
-    assert.deepEqual(leftOut(whatIf, task), ["the external load (0, 5, 0, 0, 0, 0) N, N m during waits"]);
+    assert.deepEqual(leftOut(whatIf, task), ["the external load (0, 5, 0, 0, 0, 0) N, N m during dwells"]);
     const other = { viscous: 20, coulomb: 2, L: 0.45, bodies: /** @type {const} */ ("solids"), gravity: [0, 0, -1.62], armature: [3, 0, 0] }, lines = writeTask(task, [], other);
     assert.deepEqual(readFile(lines), { task, carrying: {} });
     const told = ["viscous friction of 20 N s/m more", "Coulomb friction of 2 N more", "lengths L = 0.45 m", "steel solids of these lengths", "armature (3, 0, 0) of the sliders", "gravity (0, 0, -1.62) m/s^2"];

@@ -412,7 +412,7 @@ def test_wrong_parts(robot):
         JointCompliance.of_stiffness((1, 1, 0), (1, 1, 1))
     with pytest.raises(ModelError, match="compliances: expected a JointCompliance for each of slide_a"):
         ReactionSolver(robot.loop, cuts("paper"), compliances=[JointCompliance(np.eye(6))])
-    with pytest.raises(ModelError, match="misfit: what it adds depends on how joints give way"):
+    with pytest.raises(ModelError, match="misfit: loads of assembly errors depend on the compliances"):
         ReactionSolver(robot.loop, cuts("paper"), misfit=np.zeros((13, 6)))
     rigid = ReactionSolver(robot.loop, cuts("paper"), compliances=[JointCompliance(np.zeros((6, 6)))] * 13)
     result = robot.inverse_dynamics(paper_motion(2))

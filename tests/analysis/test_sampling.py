@@ -163,13 +163,13 @@ def test_rough_poses_are_not_refined_without_end_and_told(robot):
     fine = robot.refined(rough)
     assert len(fine) <= 4001
     assert any("the motion is undersampled" in words for words in robot.remarks(fine))
-    told = [words for words in robot.remarks(fine) if "too rough" in words]
+    told = [words for words in robot.remarks(fine) if "too noisy" in words]
     assert len(told) == 1
     assert re.search(
         r"splines of degree 7 and 5 differ by [\d.e+]+ \w+/s² in the acceleration of \w+", told[0]
     )
     assert not any(
-        "too rough" in words for words in robot.remarks(Motion.from_poses(smooth.time, smooth.pose))
+        "too noisy" in words for words in robot.remarks(Motion.from_poses(smooth.time, smooth.pose))
     )
 
 

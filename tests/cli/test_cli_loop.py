@@ -627,7 +627,7 @@ def test_export_writes_both_files_or_none(capsys, tmp_path, five_bar, motion):
         capsys, "export", tmp_path / "tight.urdf", five_bar.with_suffix(".yaml"), "--out", tmp_path / "r.xml"
     )
     assert (code, out.strip()) == (0, f"wrote {tmp_path / 'r.xml'}")
-    assert "MJCF: limits that leave a joint no room are not written: 'left_joint'" in err
+    assert "MJCF: limits that leave a joint no travel are not written: 'left_joint'" in err
     assert loop(capsys, "forces", tmp_path / "r.xml", *args, tmp_path / "3.csv")[0] == 0
     for name, values in columns(tmp_path / "3.csv").items():
         np.testing.assert_allclose(values, one[name], rtol=0, atol=1e-9)

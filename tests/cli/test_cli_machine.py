@@ -290,7 +290,7 @@ def test_a_motion_that_starts_at_rest_gets_no_ramp(tmp_path, capsys):
     assert ends == pytest.approx(expected, abs=1e-12)
 
 
-# --- motors and balances on the command line ----------------------------------------------------------------
+# --- motors and counterbalances on the command line ---------------------------------------------------------
 
 
 def test_armature_and_counterbalance_take_the_place_of_the_file_s(tmp_path, monkeypatch, capsys):

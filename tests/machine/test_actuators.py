@@ -1,4 +1,4 @@
-"""Reflected inertia and balance at the sliders: as parameters, and in the dynamics everywhere."""
+"""Reflected inertia and counterbalance at the sliders: as parameters, and in the dynamics everywhere."""
 
 import copy
 import dataclasses

@@ -192,7 +192,7 @@ def test_rounded_joints_of_any_robot_have_their_accelerations_again(tmp_path, ca
     apart = [np.abs(one.at(time)[2] - bent).max() for one in (rough, smooth)]
     assert apart[0] > 5
     assert apart[1] < 0.1  # of 3.6 rad/s²
-    assert "the values are too rough" in rough.remarks(names, [False, False])[1]
+    assert "the values are too noisy" in rough.remarks(names, [False, False])[1]
     assert "the values are smoothed" in smooth.remarks(names, [False, False])[1]
     shorter = table(stamps(201, "0.005", "0"), exact, ",".join(["t", *names]))
     plain = read_joints(shorter, "log.csv", names, [False, False], 20.0)
@@ -203,7 +203,7 @@ def test_rounded_joints_of_any_robot_have_their_accelerations_again(tmp_path, ca
     robot = ROOT / "docs/_static/gallery/five_bar.urdf"
     for option, words in (
         (["--smooth", "auto"], "The values are smoothed"),
-        ([], "The values are too rough"),
+        ([], "The values are too noisy"),
     ):
         code, out, _ = run(capsys, "loop", "forces", robot, "--motion", tmp_path / "log.csv", *option)
         assert code == 0

@@ -216,12 +216,12 @@ def test_usd_holds_the_inertia_of_motors_for_two_engines():
         (
             "sdf",
             Actuators(counterbalance={"slide_b": 1.0}),
-            "SDF has no word for a balance, which slide_b has",
+            "SDF has no word for a counterbalance, which slide_b has",
         ),
         ("urdf+", Actuators(armature={"slide_a": 1.0}), r"URDF\+ has no word for an inertia"),
-        ("urdf+", Actuators(spring={"slide_c": 1.0}), r"URDF\+ has no word for a balance, which slide_c has"),
-        ("drake", Actuators(counterbalance={"slide_a": 1.0}), "Drake's URDF has no word for a balance"),
-        ("usd", Actuators(counterweight={"slide_a": 1.0}), "USD has no word for a balance"),
+        ("urdf+", Actuators(spring={"slide_c": 1.0}), r"URDF\+ has no word for a counterbalance, which"),
+        ("drake", Actuators(counterbalance={"slide_a": 1.0}), "URDF has no word for a counterbalance"),
+        ("usd", Actuators(counterweight={"slide_a": 1.0}), "USD has no word for a counterbalance"),
         (
             "mjcf",
             Actuators(counterbalance={"slide_a": -5.0}),

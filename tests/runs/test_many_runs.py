@@ -76,7 +76,7 @@ def test_a_run_among_many_is_that_of_simulate(kind, name):
     many = ROBOT.simulate_many(0.1004, given, **loop)
     one = ROBOT.simulate_many(0.1004, given, **loop, integration=PRECISE)
     assert many.note.startswith("lanes")
-    assert one.note == "one by one: adaptive steps were asked for"
+    assert one.note == "one by one: adaptive steps were requested"
     assert many.finished.all()
     assert np.array_equal(many.stop, one.stop)
     for figure in ("pose", "peak_error", "rms_error"):

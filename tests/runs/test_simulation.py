@@ -518,7 +518,7 @@ def test_joints_may_be_the_start_and_open_loops_are_refused_with_their_gap():
         (
             {"start": {"pose": [0, 0, 0.1], "joints": (np.zeros(10), np.zeros(10))}},
             InputError,
-            "joints: they say where the platform is; give them without pose and velocity",
+            "joints: they determine the pose of the platform; give them without pose and velocity",
         ),
     ],
 )

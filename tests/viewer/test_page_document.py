@@ -226,7 +226,7 @@ def test_a_run_in_time_has_what_it_followed():
     (found,) = read(page_document(ROBOT, run))["runs"]
     np.testing.assert_array_equal(curve_of(found, "y_error"), run.error[:, 0])
     np.testing.assert_array_equal(curve_of(found, "force_a"), run.forces[:, 0])
-    assert found["name"] == "Run in time, compiled"
+    assert found["name"] == "Simulation, compiled"
 
 
 def test_reactions_of_joints_are_curves_and_arrows_that_can_be_shown():

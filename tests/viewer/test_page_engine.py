@@ -51,7 +51,7 @@ CHANGES = {
         of_solids(LONGER, limits=PAPER.limits),
     ),
     "friction": ({"viscous": 40, "coulomb": 6}, replace(PAPER, friction=SLOWED)),
-    "motors and balances": (
+    "motors and counterbalances": (
         {
             "armature": [14.8, 3, 40],
             "counterbalance": [48, -10, 55],

@@ -77,10 +77,10 @@ def add(watched, y, z, theta):
 def corners(watched):
     for pose in ((0, 0, 0), (120, 50, 17), (0, 100, 5), (-100, 100, -17), (0, -50, 0)):
         add(watched, *pose)
-    write(watched, "Wait or blend at waypoint 2", "0.1")
+    write(watched, "Dwell or blend at waypoint 2", "0.1")
     watched.page.get_by_label("What happens at waypoint 3").select_option("pass")
     refreshed(watched)
-    write(watched, "Wait or blend at waypoint 3", "30")
+    write(watched, "Dwell or blend at waypoint 3", "30")
 
 
 def saved(watched, name, folder):
@@ -112,7 +112,7 @@ def test_the_fastest_motion_is_within_the_limits_and_python_makes_the_same_of_it
     run = found(watched)
     told = watched.page.locator("#waypoints .result").inner_text()
     duration = run["time"][-1]
-    assert f"{duration:.3f} s: the fastest of rest-to-rest quintics along these ways" in told
+    assert f"{duration:.3f} s: the fastest of rest-to-rest quintics along these segments" in told
     assert "At its limit: force of B from 1 to 2" in told
 
     task = read_task(saved(watched, "Save task", tmp_path))
@@ -171,7 +171,7 @@ def test_peaks_stay_where_a_waypoint_waits_long(watched):
     watched.page.get_by_label("How long it takes").select_option("fastest")
     refreshed(watched)
     for wait in ("0", "500"):
-        write(watched, "Wait or blend at waypoint 2", wait)
+        write(watched, "Dwell or blend at waypoint 2", wait)
         assert np.abs(found(watched)["force"]).max() == pytest.approx(LIMITS.force, rel=1e-3)
 
 
@@ -189,7 +189,11 @@ def test_limits_and_waits_that_are_none_are_refused(watched):
             "",
             "most power of each actuator: expected more than zero W, got -5",
         ),
-        "Wait or blend at waypoint 2": ("-1", "0", "waypoint 2: wait: expected zero seconds or more, got -1"),
+        "Dwell or blend at waypoint 2": (
+            "-1",
+            "0",
+            "waypoint 2: dwell: expected zero seconds or more, got -1",
+        ),
     }
     for label, (wrong, right, sentence) in fields.items():
         field = watched.page.get_by_label(label, exact=True)
@@ -240,7 +244,7 @@ def test_a_way_that_cannot_be_made_says_where_and_why(watched):
     add(watched, 150, 0, 0)
     write(watched, "y of waypoint 2", "400")
     alarm = watched.page.locator("#waypoints [role=alert]:visible").inner_text()
-    assert "waypoint 1 to waypoint 2: the way" in alarm
+    assert "waypoint 1 to waypoint 2: the path" in alarm
     assert "beyond its travel" in alarm
     assert watched.page.evaluate(RUN) is None
 

@@ -115,7 +115,7 @@ def test_a_payload_gives_the_forces_of_python_beside_those_before(watched):
 
 def test_motors_and_balances_give_the_forces_of_python(watched):
     """The file's are shown, what is typed takes their place, and no negative inertia is taken."""
-    watched.page.get_by_text("Motors and balances").click()
+    watched.page.get_by_text("Motors and counterbalances").click()
     given = {
         "armature of A [kg]": "14.8",
         "armature of C [kg]": "3",
@@ -142,7 +142,7 @@ def test_motors_and_balances_give_the_forces_of_python(watched):
         "(all) => all.map((x) => x.value)"
     )
     assert values == ["0"] * 12
-    watched.page.get_by_text("Motors and balances").click()
+    watched.page.get_by_text("Motors and counterbalances").click()
 
 
 def test_the_motors_and_balances_of_a_machine_are_shown(browser, tmp_path):
@@ -155,7 +155,7 @@ def test_the_motors_and_balances_of_a_machine_are_shown(browser, tmp_path):
         values = boxes.evaluate_all("(all) => all.map((x) => Number(x.value))")
         assert values == [14.8, 14.8, 14.8, 48.15, 0, 0, 0, 495.3, 0, 0, 0, 2.5]
         assert float(seen.page.locator("#what-if .agreement").get_attribute("data-share")) < 1e-12
-        seen.page.get_by_text("Motors and balances").click()
+        seen.page.get_by_text("Motors and counterbalances").click()
         write(seen, "counterbalance of A [N]", "60")
         changed = replace(own, counterbalance={"slide_a": 60.0})
         agrees(seen, replace(MACHINE.parameters, actuators=changed))

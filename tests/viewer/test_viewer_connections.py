@@ -17,7 +17,7 @@ from p3dof.viewer import host
 from p3dof.viewer.server import Server
 from p3dof.viewer.window import SceneWindow
 
-TOLD = "p3dof: connections to the page are closed that have not asked for it"
+TOLD = "p3dof: connections to the page are closed that have not requested it"
 
 
 @pytest.fixture

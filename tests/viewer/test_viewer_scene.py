@@ -208,7 +208,7 @@ def test_the_scale_at_rest_holds_the_poses_of_the_sliders(robot):
     forces = np.abs(robot.forces(poses, rest, rest, method="virtual-power", on_invalid="nan")).max(axis=1)
     forces = forces[np.isfinite(forces)]
     assert 0.9 * forces.max() < scale.newtons < 1.1 * forces.max()
-    assert "at rest" in scale.legend
+    assert "static" in scale.legend
     light = p3dof.load(dataclasses.replace(robot.parameters, gravity=np.zeros(3)))
     assert ArrowScale.at_rest(light).newtons == light.parameters.limits.force  # no force at all
     assert "the limit of the drives" in ArrowScale.at_rest(light).legend

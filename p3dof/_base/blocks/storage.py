@@ -345,7 +345,7 @@ def check_about(text: str, manifest: Manifest, number: int | None) -> None:
         about = parse_json(text)
         whose, which = about["hash"], about["block"]
     except (ValueError, LookupError, TypeError) as error:
-        raise UnfitError("it does not say whose it is") from error
+        raise UnfitError("it does not name its owner") from error
     if whose != manifest.hash:
         raise UnfitError("it belongs to another sweep")
     if which != number:

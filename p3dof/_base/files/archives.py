@@ -129,7 +129,7 @@ def _check_directory(stream: IO[bytes], most: int) -> int:
 def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, accept: Accept) -> Any:
     """Read one array: first what it claims to be, then as much as that is."""
     if info.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or info.flag_bits & 1:
-        raise UnfitError(f"{name}: it is packed in another way")
+        raise UnfitError(f"{name}: it is packed by another method")
     with archive.open(info) as member:
         kind, columns_first, shape, header = _header(member, name)
         accept(name, kind, shape)

@@ -322,7 +322,7 @@ def smoothing_told(fit: SmoothingFit, names: Sequence[str], units: Sequence[str]
 def roughness_told(
     time: FloatArray, values: FloatArray, acceleration: FloatArray, names: Sequence[str], units: Sequence[str]
 ) -> str:
-    """Say that values are too rough to differentiate: splines of two degrees tell different accelerations.
+    """Say that values are too noisy to differentiate: splines of two degrees tell different accelerations.
 
     Empty if they are not; else without its last bracket.
     """
@@ -342,7 +342,7 @@ def roughness_told(
         return ""
     worst = int(np.argmax(apart[:, column]))
     return (
-        f"are too rough or too far apart to differentiate: at t = {time[worst]:g} s splines "
+        f"are too noisy or undersampled to differentiate: at t = {time[worst]:g} s splines "
         f"of degree 7 and 5 differ by {apart[worst, column]:.2g} {units[column]}² in the acceleration of "
         f"{names[column]} (rounded or noisy? smooth='auto', or --smooth auto, leaves the noise out"
     )

@@ -43,7 +43,7 @@ OFFSETS = ("offset.y", "offset.z", "offset.theta")
 GRAVITY = ("gravity.x", "gravity.y", "gravity.z")
 DENSITY = "density"
 
-ACTUATORS = "actuators."  # what the names of motors and balances begin with
+ACTUATORS = "actuators."  # what the names of motors and counterbalances begin with
 _ACTUATOR = {
     "armature": quantities.MASS,
     "counterbalance": quantities.FORCE,

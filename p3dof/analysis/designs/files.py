@@ -236,7 +236,7 @@ def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterat
             yield Rows(first, columns)
             first += len(batch)
         if first != file.metadata.num_rows + 1:
-            raise FileError(f"{told} (it says that it has {file.metadata.num_rows} rows)")
+            raise FileError(f"{told} (its metadata list {file.metadata.num_rows} rows)")
 
 
 def _numbers(column: Any, field: str, name: str, first: int) -> FloatArray:

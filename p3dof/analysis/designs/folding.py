@@ -253,7 +253,7 @@ def _inertial(body: Body) -> Inertial:
 
 
 def _actuators(inputs: Mapping[str, Symbol], machine: Parameters, gz: Any) -> Actuated:
-    """Return the numbers of motors, screws and balances."""
+    """Return the numbers of motors, screws and counterbalances."""
     own, given = machine.actuators, _given(inputs, ACTUATORS)
     rows = []
     for item in fields(own):

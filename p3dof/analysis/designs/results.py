@@ -163,7 +163,7 @@ class DesignForces:
     status : ndarray of uint8, shape (D,)
         `DesignStatus`; 0 for designs that can.
     status_at : ndarray, shape (D,)
-        Time of the first sample that a design cannot make [s]; NaN if it can, or could not be built at all.
+        Time of the first sample that a design cannot reach [s]; NaN if it can, or could not be built at all.
     reach : ndarray, shape (D,)
         Least reach margin of all legs over the motion [m]; negative out of reach.
     peak_force, peak_time, rms_force : ndarray, shape (D, 3)

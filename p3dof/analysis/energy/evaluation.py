@@ -31,7 +31,11 @@ class Quantities:
     angular_momentum: FloatArray
 
 
-ACTUATORS = ("actuator_a", "actuator_b", "actuator_c")  # names of energies of motors, screws and balances
+ACTUATORS = (
+    "actuator_a",
+    "actuator_b",
+    "actuator_c",
+)  # names of energies of motors, screws and counterbalances
 
 
 def bodies_of(parameters: Parameters) -> tuple[str, ...]:
@@ -66,7 +70,7 @@ def quantities(
 
 
 def _of_actuators(parameters: Parameters, moving: MechanismMotion) -> tuple[FloatArray, FloatArray]:
-    """Return kinetic and potential energy of motors, screws and balances, the latter zero at home."""
+    """Return kinetic and potential energy of motors, screws and counterbalances, the latter zero at home."""
     actuators, position = parameters.actuators, moving.sliders
     home = actuators.balance_at_home(parameters.gravity)
     kinetic: FloatArray = actuators.inertia * moving.slider_velocities**2 / 2

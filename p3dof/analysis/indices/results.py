@@ -91,7 +91,7 @@ def frequencies(
     """Return the natural frequencies about rest, K = Jᵀ diag(k) J + K_g; ndarray, shape (n, 3).
 
     Along its slider a rod gives way by its compliance / ITI². With drives held in place, the load of gravity
-    and preload changes with the pose: K_g = Jᵀ ∂f/∂x, f the holding forces.
+    and preload changes with the pose: K_g = Jᵀ ∂f/∂x, f the static actuator forces.
     """
     k = 1 / (1 / drives + rods / iti**2)
     transposed = np.swapaxes(jacobian, -1, -2)
@@ -167,7 +167,7 @@ class Indices(ShownInNotebook):
     machine : Manipulator
         The machine.
     pose : array-like, shape (..., 3)
-        y [m], z [m], θ [rad]; z matters for forces of a machine balanced by springs only.
+        y [m], z [m], θ [rad]; z matters for forces of a machine counterbalanced by springs only.
     length : float, optional
         Characteristic length ℓ [m]; r of the machine without it.
     on_invalid : {"raise", "nan"}
@@ -175,7 +175,7 @@ class Indices(ShownInNotebook):
     limits : Limits, optional
         Of speed and force; the machine's own without it.
     drive_stiffness : float or array-like, shape (3,)
-        Of the drives along their guideways [N/m]; 1e7, a guess, by default.
+        Of the drives along their guides [N/m]; 1e7, a guess, by default.
     rods : RodSection, optional
         Section and material of legs and rods; steel, and as heavy as they are, by default; None for rigid.
 

@@ -13,7 +13,7 @@ The form of a file, in which everything may be left out::
     rods: {diameter: 20 mm, young: 210 GPa, poisson: 0.3}    # or: rods: rigid
     joints:                                     # where one joint differs
       hinge_left: {radial: 60 N/um}
-    misfit: {shift: 5 um, turn: 0.1 mrad}       # what assembly may be off by, in every joint
+    misfit: {shift: 5 um, turn: 0.1 mrad}       # assembly error, position and angle, in every joint
     cuts: paper                                 # or points: ball joints at the ends of the legs
 
 Numbers are in SI units, or have one of their own. What is left out has the values of `Stiffness`.

@@ -107,7 +107,7 @@ class PoseTolerance(ShownInNotebook):
     Each leg has its own R, r, L and offset of its encoder: P = 12 parameters, or those of them that vary. The
     closures stay those of this machine: unequal rods of the parallelogram, axes that are not parallel and
     guides that are not vertical are outside of it. They do not make a small error of the pose: the machine is
-    overconstrained, and they jam it or strain its parts (see `p3dof.analysis.reactions`, misfits).
+    overconstrained, and they jam it or strain its parts (see `p3dof.analysis.reactions`, assembly errors).
 
     Parameters
     ----------

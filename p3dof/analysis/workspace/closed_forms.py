@@ -56,7 +56,7 @@ class Sizes(NamedTuple):
 
 
 def extents(sizes: Sizes, y: Any, theta: Any) -> tuple[Any, Any, Any]:
-    """Return how far the legs A, B, C reach across the guideways: wA, wB along y, wC along x [m]."""
+    """Return how far the legs A, B, C reach across the guides: wA, wB along y, wC along x [m]."""
     return sizes.width + y, sizes.width - y, sizes.R - sizes.r * np.cos(theta)
 
 

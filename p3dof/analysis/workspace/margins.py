@@ -121,7 +121,7 @@ class PoseMargins(Readable):
     speed : ndarray, shape (..., 3), or None
         Speed limit less what the demanded velocities take [m/s]; None if none are demanded.
     force : ndarray, shape (..., 3), or None
-        Force limit less what holding and the demanded accelerations take [N]; None if none are demanded.
+        Force limit less what static load and demanded accelerations take [N]; None if none are demanded.
     """
 
     serial: FloatArray

@@ -41,8 +41,8 @@ class Workspace(ShownInNotebook):
     limits : Limits, optional
         Stroke, tilt, speed and force; the machine's own without it.
     margins : WorkspaceMargins, optional
-        What is demanded besides; nothing without it. Accelerations that a machine balanced by springs must
-        have, whose forces depend on z, are demanded at every z of the stroke; `margin` looks at each pose.
+        What is demanded besides; nothing without it. Accelerations that a machine counterbalanced by springs
+        must have, whose forces depend on z, are demanded at every z of the stroke; `margin` has each pose.
 
     Raises
     ------
@@ -347,7 +347,7 @@ class Workspace(ShownInNotebook):
         -------
         xarray.Dataset
             With the dimensions ``y`` and ``theta``; also ``height``, H(y, θ) [m]. NaN outside the workspace.
-            At z = 0, which matters for forces of a machine balanced by springs only.
+            At z = 0, which matters for forces of a machine counterbalanced by springs only.
 
         Raises
         ------

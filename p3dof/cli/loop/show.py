@@ -109,8 +109,8 @@ def show(
     """Show a robot with its closures and forces in the browser: play a motion, or move its joints by hand.
 
     The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit code
-    0. With --out a file is written instead. Exit code 1 when the loops do not close, or the robot cannot make
-    the motion. Needs the extra 'viz'.
+    0. With --out a file is written instead. Exit code 1 when the loops do not close, or the robot cannot
+    perform the motion. Needs the extra 'viz'.
     """
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
     view.require_page([] if out is None else [out])

@@ -31,7 +31,7 @@ class Singularity(Readable):
     ----------
     serial : ndarray, shape (..., 3)
         Reach margin of the legs A, B, C [m]: the leg's length less what the pose demands of it across the
-        guideways. Zero: the leg is horizontal; negative: the pose is out of reach.
+        guides. Zero: the leg is horizontal; negative: the pose is out of reach.
     actuation : ndarray, shape (...)
         Angle from the pose where the platform's arm P-C5 lies in the plane of leg C's rods [rad], positive on
         home's side. Zero: det J = 0, the sliders cannot hold the platform's rotation.

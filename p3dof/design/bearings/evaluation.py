@@ -65,7 +65,7 @@ def bearing_life(
     Raises
     ------
     SampleError
-        If the machine cannot make the whole motion.
+        If the machine cannot perform the whole motion.
     InputError
         If an argument does not fit, or the reactions are not those of elastic joints.
     """

@@ -327,7 +327,7 @@ def _column(values: Any, population: Population) -> Any:
 
 
 OF_SOLIDS = (
-    ClosedForm("width", "m", "small", "width of the base between the guideways of A and B, 2R", _width),
+    ClosedForm("width", "m", "small", "width of the base between the guides of A and B, 2R", _width),
     ClosedForm("moving_mass", "kg", "small", "moving mass", _mass),
     ClosedForm(
         "rod_frequency", "Hz", "large", "first bending frequency of a rod between its hinges", _bending

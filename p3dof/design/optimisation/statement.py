@@ -159,7 +159,7 @@ class Statement:
         return np.array(found)
 
     def evaluate(self, designs: Any) -> Evaluated:
-        """Return objectives and constraints of designs; NaN where a design cannot make the motion.
+        """Return objectives and constraints of designs; NaN where a design cannot perform the motion.
 
         Parameters
         ----------

@@ -100,7 +100,7 @@ class DesignSweep:
 
     The columns are the inputs, by their full names (``geometry.R``, in SI units), and the figures: ``status``
     (a `DesignStatus`, 0 for designs that make the motion), ``reach``, ``peak_force_a`` and so on, without
-    units in their names, and ``peak_force``, the largest of the three. Figures of designs that cannot make
+    units in their names, and ``peak_force``, the largest of the three. Figures of designs that cannot perform
     the motion are NaN.
 
     Parameters

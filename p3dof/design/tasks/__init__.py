@@ -1,4 +1,4 @@
-"""Tasks: where the platform has to go, what it carries and bears on the way, and the motion that does it."""
+"""Tasks: where the platform has to go, what it bears along the path, and the motion that does it."""
 
 from p3dof.design.tasks.files import read_task, write_task
 from p3dof.design.tasks.laws import PROFILES

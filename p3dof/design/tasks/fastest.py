@@ -318,9 +318,7 @@ def slowed(law: _Law, dense: Points, limits: AxisLimits, slowest: float = SLOWES
     while over(high) > 0:
         high = 1 + 2 * (high - 1)
         if high > slowest:
-            raise TaskError(
-                "no motion within the limits was found: a larger force or power leaves room to move"
-            )
+            raise TaskError("no motion within the limits was found: a larger force or power allows a motion")
     factor = brentq(over, 1.0, high, xtol=1e-12)
     while over(factor) > 0:
         factor *= 1 + _CLOSE

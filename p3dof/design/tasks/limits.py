@@ -1,4 +1,4 @@
-"""`AxisLimits`: what each actuator may be asked for, and what a path asks of it."""
+"""`AxisLimits`: limits of each actuator, and what a path demands of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ENDLESS = ("power", "jerk", "nut_force")  # limits that there may be none of
 
 @dataclass(frozen=True, eq=False)
 class AxisLimits(Readable):
-    """What each of the three actuators may be asked for.
+    """Limits of each of the three actuators.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class AxisLimits(Readable):
         Largest jerk of the sliders [m/s³]; infinite by default: then their acceleration may jump.
     nut_force : array-like, shape () or (3,)
         Largest force that the nuts pass on to the sliders [N]: without that on `reflected_mass`, armature and
-        counterweights, and with what balances bear; infinite by default.
+        counterweights, and with what counterbalances bear; infinite by default.
 
     Raises
     ------

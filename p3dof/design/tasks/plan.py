@@ -1,4 +1,4 @@
-"""`Plan`: a task in time: its motion, and what the platform carries and bears on the way."""
+"""`Plan`: a task in time: its motion, and what the platform carries and bears along the path."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Task(Readable):
     carrying : Body, float or str, optional
         What the platform carries at the beginning, as `Waypoint.pick_up`.
     limits : mapping of str to float or sequence of three, optional
-        What the actuators may be asked for in the fastest plan, by the names of `AxisLimits`; force and
+        Limits of the actuators in the time-optimal plan, by the names of `AxisLimits`; force and
         speed of the machine where there are none.
 
     Raises
@@ -156,7 +156,7 @@ class Task(Readable):
         samples : int
             Least number of samples of the ways together. They are even over each straight or blended part of
             a way, which has a seventh of so many at least, so that the peaks are seen however long the
-            platform waits; all stops and waypoints are samples.
+            platform dwells; all stops and waypoints are samples.
 
         Raises
         ------

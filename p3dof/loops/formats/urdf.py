@@ -444,7 +444,7 @@ class _LoopReader:
         if said and not ignore and not self.found.closures and not self.found.couplings:
             names = ", ".join(sorted(said)[:3])
             raise ModelError(
-                f"{self._source}: {len(said)} joints are dependent by its own words ({names}, ...), and no "
+                f"{self._source}: {len(said)} joints are declared dependent ({names}, ...), and no "
                 "<loop> or <coupling> says on what (on_unknown='ignore' takes them for independent)"
             )
         self.found.dependent |= said

@@ -337,7 +337,7 @@ class _MjcfWriter:
         root.extend(element for element in (tendons, equalities) if len(element))
         if self._roomless:
             some = ", ".join(shown(name) for name in self._roomless[:4])
-            message = f"MJCF: limits that leave a joint no room are not written: {some}"
+            message = f"MJCF: limits that leave a joint no travel are not written: {some}"
             more = ", ..." if len(self._roomless) > 4 else ""
             warnings.warn(message + more, ModelWarning, stacklevel=4)
         self._actuators(root)

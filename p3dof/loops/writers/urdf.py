@@ -27,7 +27,9 @@ def texts(loop: LoopModel) -> tuple[str, str]:
     """
     model = loop.model
     if not np.allclose(model.gravity.vector, (*_GRAVITY, 0.0, 0.0, 0.0), rtol=0, atol=1e-12):
-        raise ModelError("URDF: the gravity of the robot is not 9.81 m/s² downward, which no URDF can say")
+        raise ModelError(
+            "URDF: the gravity of the robot is not 9.81 m/s² downward, which URDF cannot represent"
+        )
     writer = _UrdfWriter(model, [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)])
     return writer.text(), _sidecar(loop, writer.balls).to_yaml()
 

@@ -146,12 +146,12 @@ class Joint(Readable):
     mimic: Mimic | None = None  # for a joint that always copies another one when the loops are closed
     armature: float = 0.0  # inertia that its actuator adds, on which gravity does not act [kg or kg m²]
     force: float = 0.0
-    """What a balance adds along the axis at home [N or N m], and how fast that falls [N/m or N m/rad]."""
+    """What a counterbalance adds along the axis at home [N or N m], and its decrease [N/m or N m/rad]."""
     stiffness: float = 0.0
 
     @property
     def balanced(self) -> bool:
-        """Whether a balance acts in it."""
+        """Whether a counterbalance acts in it."""
         return bool(self.force or self.stiffness)
 
     def __post_init__(self) -> None:
@@ -163,7 +163,7 @@ class Joint(Readable):
                 f"{self.name}: expected axis and limits for a moving joint, none for a fixed one"
             )
         if not moves and (self.armature or self.balanced):
-            raise ModelError(f"{self.name}: expected no armature and no balance of a fixed joint")
+            raise ModelError(f"{self.name}: expected no armature and no counterbalance of a fixed joint")
         if self.axis is not None:
             axis = frozen_array(f"{self.name}: axis", np.add(self.axis, 0.0), (3,), ModelError)
             if abs(float(np.linalg.norm(axis)) - 1) > _UNIT:
@@ -268,7 +268,7 @@ class Mechanism(Readable):
         return {joint.child: joint for joint in self.joints if joint.kind == "fixed"}
 
     def without_balance(self) -> Mechanism:
-        """Return the mechanism without the balances of its joints; their inertia stays."""
+        """Return the mechanism without the counterbalances of its joints; their inertia stays."""
         return replace(self, joints=tuple(replace(one, force=0.0, stiffness=0.0) for one in self.joints))
 
     @property
@@ -278,8 +278,8 @@ class Mechanism(Readable):
 
 
 def require_no_drive(joint: Joint, form: str, armature: bool = False) -> None:
-    """Refuse what motor and balance add in a joint, where a format has no word for it."""
-    what = "an inertia of its motor" if joint.armature and not armature else "a balance"
+    """Refuse what motor and counterbalance add in a joint, where a format has no word for it."""
+    what = "an inertia of its motor" if joint.armature and not armature else "a counterbalance"
     if joint.balanced or (joint.armature and not armature):
         raise ModelError(
             f"{form} has no word for {what}, which {joint.name} has; MJCF and URDF with its YAML do"

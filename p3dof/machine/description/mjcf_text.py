@@ -34,8 +34,8 @@ def mjcf(mechanism: Mechanism) -> str:
     where MuJoCo's defaults leave a millimetre. Its Euler and implicit integrators diverge at this stiffness.
     Solids that are drawn are in group 2, those that must not touch in group 3, and none has a mass. The
     keyframe ``home`` is at rest under its own forces. A joint that mimics another one is left to the loops.
-    Inertia of motors is ``armature``. A balance is the joint's spring with its ``springref``; one of constant
-    force compensates as much of the gravity of the body on the joint (``gravcomp``). Both are passive forces:
+    Inertia of motors is ``armature``. A counterbalance is the joint's spring with its ``springref``; one of
+    constant force compensates as much of the body's gravity (``gravcomp``). Both are passive forces:
     inverse dynamics counts them, and they take nothing of the motors' limits.
     """
     links = {link.name: link for link in mechanism.links}
@@ -55,7 +55,7 @@ def mjcf(mechanism: Mechanism) -> str:
 
 
 def holding_forces(mechanism: Mechanism) -> FloatArray:
-    """Return the actuator forces that hold a mechanism at home against gravity, besides its balances.
+    """Return the actuator forces that hold a mechanism at home against gravity, besides its counterbalances.
 
     Forces of the actuated joints, in their order [N or N m]; the smallest if there is a choice.
     """

@@ -1,6 +1,6 @@
 """The solids of the machine: what is drawn and what must not touch.
 
-What is drawn are the solids that the masses come from (`Dimensions`), with guide-ways, shoes and knobs beside
+What is drawn are the solids that the masses come from (`Dimensions`), with guides, shoes and knobs beside
 them. The solids for collisions are fewer and shorter, so that no two of different links touch at any pose of
 the working mode, joints included: legs and rods leave out the ends that are inside slider and platform,
 cross-bars are two stubs each, outside slider and platform.
@@ -129,7 +129,7 @@ def _knobs(axis: str, radius: float, ends: tuple[float, float]) -> tuple[Solid, 
 
 
 def _slider(edge: float, shoe: Point, colour: Colour) -> tuple[Solid, Solid]:
-    """Return the cube, and the shoe that reaches from it to the guide-way."""
+    """Return the cube, and the shoe that reaches from it to the guide."""
     return (
         _solid(Box((edge, edge, edge)), colour),
         _solid(Box((0.3 * edge, 0.4 * edge, 0.7 * edge)), SHOE, shoe),
@@ -137,11 +137,11 @@ def _slider(edge: float, shoe: Point, colour: Colour) -> tuple[Solid, Solid]:
 
 
 def _frame(parameters: Parameters, edge: float) -> tuple[Solid, ...]:
-    """Return the three guide-ways and the beams that hold them at the top.
+    """Return the three guides and the beams that hold them at the top.
 
-    The legs A and B swing in the plane x = 0: their guide-ways stand on the side of +x, .8 edges off, so that
+    The legs A and B swing in the plane x = 0: their guides stand on the side of +x, .8 edges off, so that
     the platform's edge, which reaches √(corner² + (thickness/2)²) = .64 edges when it tilts, passes them. The
-    rods only lean toward +x: the guide-way of C stands behind its slider. Nothing rises above the highest
+    rods only lean toward +x: the guide of C stands behind its slider. Nothing rises above the highest
     slider's pivot by more than those .64 edges; the beams begin a whole edge above the top of the travel.
     """
     R, (low, high) = parameters.geometry.R, parameters.limits.travel

@@ -27,7 +27,7 @@ def urdf(mechanism: Mechanism) -> str:
 
     Numbers have 15 significant digits. The parallelogram's joints mimic each other, for readers that keep no
     loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``. The inertia of
-    motors and the balances, for which URDF has no place, are in the `sidecar`.
+    motors and the counterbalances, for which URDF has no place, are in the `sidecar`.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def sidecar(mechanism: Mechanism) -> str:
     -------
     str
         ``closed_loop``: pairs of frames; ``type``: ``3d`` (point closures) for each; ``name_mot``: the
-        actuated joints; ``joint_data``: inertia of motors and screws, and balances, if there are any.
+        actuated joints; ``joint_data``: inertia of motors and screws, and counterbalances, if there are any.
     """
     data: dict[str, Any] = {
         "closed_loop": [[closure.frame1, closure.frame2] for closure in mechanism.closures],
@@ -85,7 +85,7 @@ def sidecar(mechanism: Mechanism) -> str:
 
 
 def _drive(joint: Joint) -> dict[str, Any]:
-    """Return what motor and balance add in a joint, as `p3dof.loops.JointData` has it."""
+    """Return what motor and counterbalance add in a joint, as `p3dof.loops.JointData` has it."""
     values = {"armature": joint.armature, "force": joint.force, "stiffness": joint.stiffness}
     return {"joint": joint.name, **{key: value for key, value in values.items() if value}}
 

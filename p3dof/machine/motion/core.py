@@ -441,7 +441,7 @@ class Motion(FrozenArrays, ShownInNotebook):
         -------
         tuple of str
             With which velocities their curve starts and ends, whether they look like waypoints, and whether
-            they are too rough to differentiate; nothing of these for a motion without a `Curve`. From when
+            they are too noisy to differentiate; nothing of these for a motion without a `Curve`. From when
             times count, if they are those of a clock.
         """
         clock = (f"{counted_told(self.start)}",) if self.start else ()

@@ -178,6 +178,6 @@ def _waypoints(curve: Curve, acceleration: FloatArray) -> str:
 
 
 def _roughness(curve: Curve, acceleration: FloatArray) -> str:
-    """Say that poses are too rough to differentiate."""
+    """Say that poses are too noisy to differentiate."""
     told = roughness_told(curve.time, curve.pose, acceleration, _NAMES, _UNITS)
     return told and f"the poses {told}; velocities and accelerations in the file would help)"

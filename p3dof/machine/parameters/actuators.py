@@ -1,4 +1,4 @@
-"""`Actuators`: what motors, screws and balances add at the sliders."""
+"""`Actuators`: what motors, screws and counterbalances add at the sliders."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ _SIGNED = ("counterbalance", "spring")
 
 @dataclass(frozen=True, eq=False)
 class Actuators(Readable):
-    """Reflected inertia and balance at the sliders; by default none.
+    """Reflected inertia and counterbalance at the sliders; by default none.
 
     With the force F that moves the machine without them, and λ, the slider's position, zero at home,
 
@@ -134,7 +134,7 @@ class Actuators(Readable):
         Inertia of rotor, brake, gear and screw, reflected to the slider [kg]: their moment of inertia times
         the square of the ratio in rad/m. Gravity does not act on it.
     counterbalance : mapping of str to float
-        Force of a balance on the slider along z0, upward if positive, at home [N]; constant without a spring.
+        Force on the slider along z0, upward if positive, at home [N]; constant without a spring.
     spring : mapping of str to float
         How fast that force falls as the slider rises [N/m]; negative where it grows.
     counterweight : mapping of str to float
@@ -185,11 +185,11 @@ class Actuators(Readable):
 
     @property
     def stiffness(self) -> FloatArray:
-        """How fast the balances' forces on A, B, C fall as the sliders rise, (3,) [N/m]."""
+        """How fast the counterbalances' forces on A, B, C fall as the sliders rise, (3,) [N/m]."""
         return self._row("spring")
 
     def balance_at_home(self, gravity: FloatArray) -> FloatArray:
-        """Return the forces (3,) of the balances along z0 at home [N], under a gravity (3,) [m/s²]."""
+        """Return the forces (3,) of the counterbalances along z0 at home [N], under a gravity (3,) [m/s²]."""
         return self._row("counterbalance") - self._row("counterweight") * float(gravity[2])
 
     def to_dict(self) -> dict[str, Any]:
@@ -251,7 +251,7 @@ class Geometry(Readable):
     r : float
         Size of the platform: distance from P to each of its joints A3, B3, C5.
     R : float
-        Size of the base: distance from O to each guide-way.
+        Size of the base: distance from O to each guide.
     L : float
         Length of the legs and of the rods of the parallelogram.
     b : float

@@ -327,7 +327,7 @@ class Parameters(FrozenArrays, ShownInNotebook):
     friction : Friction
         What the joints lose; nothing by default.
     actuators : Actuators
-        Reflected inertia and balance at the sliders; none by default.
+        Reflected inertia and counterbalance at the sliders; none by default.
 
     Raises
     ------

@@ -25,7 +25,7 @@ def parameter_tables(parameters: Parameters) -> list[Table]:
 def _geometry(geometry: Geometry) -> Table:
     rows = {
         "r, from P to A₃, B₃ and C₅": geometry.r,
-        "R, from O to each guide-way": geometry.R,
+        "R, from O to each guide": geometry.R,
         "L, of legs and rods": geometry.L,
         "b, half the width of the parallelogram": geometry.b,
         "h, from the sliders down to the platform at home": geometry.h,

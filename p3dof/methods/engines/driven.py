@@ -205,7 +205,7 @@ def _stepped(values: FloatArray, step: float) -> Drive:
 def _index(t: float, step: float) -> int:
     index = round(t / step)
     if abs(index * step - t) > 1e-3 * step:
-        raise DynamicsError(f"exudyn: asked for the motion between two steps, at {t:g} s")
+        raise DynamicsError(f"exudyn: the motion was requested between two steps, at {t:g} s")
     return index
 
 

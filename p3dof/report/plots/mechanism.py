@@ -428,7 +428,7 @@ def mechanism_figure(
     """Draw the mechanism by `VIEWS` [m], from front, side and top at one scale, and at an angle.
 
     The joints have the labels of `p3dof.analysis.reactions.JOINTS`: the paper's names, but for C7, which the
-    paper does not name. Guideways and their beams are drawn behind everything else, so that they hide
+    paper does not name. Guides and their beams are drawn behind everything else, so that they hide
     nothing.
 
     Parameters

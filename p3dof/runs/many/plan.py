@@ -90,7 +90,7 @@ def why_not(task: SharedTask) -> str | None:
         and control.drives() is not None,
         f"forces later than {MOST_LATE} periods": control.lateness[0] > MOST_LATE,
         f"more than {MOST_STEPS - 2} steps in a period": task.tick / task.step > MOST_STEPS - 2,
-        "adaptive steps were asked for": task.integration.scheme != "rk4",
+        "adaptive steps were requested": task.integration.scheme != "rk4",
     }
     return next((reason for reason, holds in reasons.items() if holds), None)
 

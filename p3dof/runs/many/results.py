@@ -204,7 +204,7 @@ class ManyRuns(ShownInNotebook):
         """
         kept = self.histories
         if kept is None or run not in kept.runs:
-            raise InputError(f"run: no history of run {run} was asked for; see histories=")
+            raise InputError(f"run: no history of run {run} was recorded; see histories=")
         at = np.flatnonzero(kept.runs == run)
         there = np.isfinite(kept.time[at[0]])
         names = ("time", "pose", "velocity", "forces", "asked")

@@ -142,7 +142,7 @@ def robot_document(
     """
     _check(loop, runs, title, engine, triangles)
     given: list[tuple[str, Shown | None]] = (
-        [] if run is None else [("Run in time" if hasattr(run, "evaluations") else "Motion", run)]
+        [] if run is None else [("Simulation" if hasattr(run, "evaluations") else "Motion", run)]
     )
     given += [(str(name), one) for name, one in (runs or {}).items()]
     given = given or [("Held at rest", None)]

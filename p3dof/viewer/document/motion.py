@@ -136,7 +136,7 @@ def held(
 ) -> tuple[JointMotion, str]:
     """Return a robot at rest with the forces that hold it, and why they are not known.
 
-    Where idle freedoms would move, the forces are those that keep the actuated joints from it; without
+    Where passive freedoms would move, the forces are those that keep the actuated joints from it; without
     actuators there are only those in closures, as it falls.
     """
     nothing = np.zeros(robot.model.nv)

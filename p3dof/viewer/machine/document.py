@@ -143,7 +143,7 @@ def _inputs(parameters: Parameters) -> list[dict[str, Any]]:
 LAYERS = {
     "machine": "Machine",
     "frame": "Frame",
-    "rails": "Guide-ways",
+    "rails": "Guides",
     "axes": "Axes",
     "names": "Names of the legs",
     "trace": "Path of P",

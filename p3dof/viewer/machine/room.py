@@ -56,7 +56,7 @@ LINKS_OF_LEGS = {
 GLASS = (0.62, 0.66, 0.70, 0.45)
 """Colour of the frame, which stands between the eye and the legs."""
 RAIL = (0.373, 0.42, 0.463, 1.0)
-"""Colour of the guide-ways."""
+"""Colour of the guides."""
 AXES = {"x": (0.698, 0.133, 0.133, 1.0), "y": (0.18, 0.49, 0.196, 1.0), "z": (0.122, 0.306, 0.62, 1.0)}
 """Colours of the axes of the fixed frame."""
 TRACE = (0.482, 0.122, 0.635, 1.0)
@@ -68,7 +68,7 @@ class Room:
     """Measures of the surroundings of a machine [m]."""
 
     size: Dimensions  # sizes of its solids
-    radius: float  # distance of the guide-ways from the middle
+    radius: float  # distance of the guides from the middle
     bottom: float  # heights of the floor and of the letters over the frame
     top: float
     travel: tuple[float, float]  # lowest and highest slider position
@@ -119,7 +119,7 @@ class Room:
 
     @property
     def rails(self) -> tuple[float, float, float]:
-        """Lower and upper end of the guide-ways, and their radius."""
+        """Lower and upper end of the guides, and their radius."""
         low, high = self.travel
         edge = self.size.slider_edge
         return low - 0.7 * edge, high + edge, 0.35 * self.size.rod_radius

@@ -55,7 +55,7 @@ class Samples:
             return cls(f"Forces by {method}" if name is None else name, *shared, run.warnings)
         stop = () if run.stop is None else (f"The run ended early: {run.stop}.",)
         asked = None if np.array_equal(run.asked, run.forces, equal_nan=True) else run.asked
-        return cls(f"Run in time, {method}" if name is None else name, *shared, stop, run.reference, asked)
+        return cls(f"Simulation, {method}" if name is None else name, *shared, stop, run.reference, asked)
 
     @property
     def slides(self) -> JointStates:
@@ -80,8 +80,8 @@ def curves_of(robot: Machine, samples: Samples) -> list[dict[str, Any]]:
     sizes = static_forces(robot, samples)
     return [
         *_by_leg("force", "Actuator forces", "Force", "N", samples.forces, force),
-        *_by_leg("static", "Forces at rest", "Holding force", "N", sizes, force),
-        *_by_leg("asked", "Forces asked for", "Force asked for", "N", samples.asked, force),
+        *_by_leg("static", "Static forces", "Static force", "N", sizes, force),
+        *_by_leg("asked", "Commanded forces", "Commanded force", "N", samples.asked, force),
         *_by_leg("power", "Power", "Power", "W", power),
         curve("power_total", "Power, sum", "Power", "W", GREY, power.sum(axis=1)),
         *_by_leg("slider", "Slider positions", "Slider", "m", columns, limits.travel),

@@ -89,7 +89,7 @@ class ArrowScale:
         forces = np.abs(VirtualPowerMethod(robot.parameters).forces(states))
         found = forces[np.isfinite(forces)]
         found = found[found <= _FAR * np.median(found)] if len(found) else found
-        words = "about the largest force that holds the platform at rest"
+        words = "about the largest static actuator force"
         return cls.of(robot, found, np.full(found.shape, np.nan), words).by_hand(robot)
 
     @classmethod
@@ -343,7 +343,7 @@ class Scene(MotionScene):
 
 
 def draw_scenery(viewer: Any, room: Room) -> None:
-    """Draw floor, axes of the fixed frame, guide-ways and the letters of the legs."""
+    """Draw floor, axes of the fixed frame, guides and the letters of the legs."""
     draw_floor(viewer["floor"], room.half, room.bottom)
     _draw_axes(viewer["axes"], room)
     _draw_guides(viewer["guides"], room)

@@ -31,8 +31,8 @@ So the forces need the 21 numbers of `Reduced`; they are linear in them and need
 base inertial parameters of the force model. The generalized forces Q of y, z, θ (without what acts at the
 sliders' own coordinates, F) are solved by hand: f = F + J⁻ᵀ Q. Neither z nor ż enters.
 
-Motors, screws and balances act at the sliders' own coordinates: an armature j adds to a, and gives back the
-weight that a has; a balance is taken off. With a spring its force depends on λ, and so on z.
+Motors, screws and counterbalances act at the sliders' own coordinates: an armature j adds to a and gives back
+the weight that a has; a counterbalance is taken off. With a spring its force depends on λ, and so on z.
 
 The mass matrix follows from the same energies; forward dynamics takes z out first, whose mass is constant.
 

@@ -55,12 +55,12 @@ class Reduced(NamedTuple):
 
 
 class Actuated(NamedTuple):
-    """What motors, screws and balances add at the sliders, numbers or symbols."""
+    """What motors, screws and counterbalances add at the sliders, numbers or symbols."""
 
     armature_a: Scalar = 0  # [kg] that moves with the slider and that gravity does not act on
     armature_b: Scalar = 0
     armature_c: Scalar = 0
-    balance_a: Scalar = 0  # [N] force of the balance along z0 at home
+    balance_a: Scalar = 0  # [N] force of the counterbalance along z0 at home
     balance_b: Scalar = 0
     balance_c: Scalar = 0
     spring_a: Scalar = 0  # [N/m] by which that falls as the slider rises
@@ -150,7 +150,7 @@ def model_of(parameters: Parameters) -> Model:
 
 
 def fold_actuators(rows: Iterable[Sequence[Scalar]], gz: Scalar) -> Actuated:
-    """Return what the forces see of motors, screws and balances, on numbers or symbols."""
+    """Return what the forces see of motors, screws and counterbalances, on numbers or symbols."""
     armature, counterbalance, spring, counterweight = rows
     inertia = (plus(j, m) for j, m in zip(armature, counterweight, strict=True))
     balance = (plus(f, -times(m, gz)) for f, m in zip(counterbalance, counterweight, strict=True))
