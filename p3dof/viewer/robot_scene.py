@@ -22,13 +22,18 @@ from p3dof.viewer.document.trees import tree_of
 from p3dof.viewer.playing import MotionScene, Take, served
 from p3dof.viewer.showing import Shapes, figure_of
 from p3dof.viewer.stage import (
+    above,
     colour_number,
     draw_arrow,
     draw_floor,
+    draw_legend,
     draw_path,
     enlargement,
+    legend_ends,
+    placed,
     set_length,
     set_stage,
+    sideways,
 )
 from p3dof.viewer.window import SceneWindow
 
@@ -36,6 +41,10 @@ _LONGEST = 0.5
 """Length of the longest arrow, as a share of half the robot's size."""
 _THICK = 0.05
 """Radius of arrows, as a share of the longest one's length."""
+_LETTER = 0.3
+"""Size of the letters of the legend, as a share of the same."""
+_UNITS = {1: "N", 2: "N m"}
+"""Of arrows with so many heads."""
 _LOOKED_AT = 60
 """At so many samples at most it is looked where arrows end."""
 _PATH = 0x7B1FA2
@@ -47,8 +56,8 @@ class JointArrows:
     The largest force of a motion and its largest torque are as long as each other.
     """
 
-    def __init__(self, viewer: Any, robot: ClosedLoopModel) -> None:
-        self._viewer = viewer
+    def __init__(self, viewer: Any, legend: Any, robot: ClosedLoopModel) -> None:
+        self._viewer, self._legend = viewer, legend
         tree = tree_of(robot.model)
         self.joints = [robot.model.getJointId(name) for name in robot.actuated]
         self.heads = [1 if is_slide(robot, joint) else 2 for joint in self.joints]
@@ -56,7 +65,8 @@ class JointArrows:
         z = np.array([0.0, 0.0, 1.0])
         axes = [np.array(tree[joint - 1].get("axis", z)) for joint in self.joints]
         self.turns = [pin.SE3(pin.Quaternion.FromTwoVectors(z, axis), np.zeros(3)) for axis in axes]
-        self.largest = np.ones(len(self.joints))
+        self.most = dict.fromkeys(_UNITS, 0.0)
+        self.largest: FloatArray = np.ones(len(self.joints))
         self.metres = 1.0
 
     def set_scale(self, forces: FloatArray, metres: float) -> None:
@@ -65,15 +75,29 @@ class JointArrows:
 
         known = np.abs(np.where(np.isfinite(forces), forces, 0.0))
         kinds = np.array(self.heads)
-        most = {heads: known[:, kinds == heads].max(initial=0.0) if known.size else 0.0 for heads in (1, 2)}
-        self.largest = np.array([most[heads] or 1.0 for heads in self.heads])
+        self.most = {n: known[:, kinds == n].max(initial=0.0) if known.size else 0.0 for n in _UNITS}
+        self.largest = np.array([self.most[heads] or 1.0 for heads in self.heads])
         self.metres = metres
         for i, (name, heads) in enumerate(zip(self.names, self.heads, strict=True)):
             ink = int(PALETTE[i % len(PALETTE)][1:], 16)
-            material = mg.MeshLambertMaterial(
-                color=ink, depthTest=False, transparent=True
-            )  # seen in its body
+            material = mg.MeshLambertMaterial(color=ink, depthTest=False, transparent=True)  # seen inside
             draw_arrow(self._viewer[name], _THICK * metres, material, heads)
+
+    def draw_legends(self, points: FloatArray) -> FloatArray:
+        """Draw the scales of forces and torques left of points (N, 3); return these and what they reach."""
+        letter, right = _LETTER * self.metres, sideways()
+        place = (points.min(axis=0) + points.max(axis=0)) / 2
+        place = above(place + (min(points @ right) - place @ right) * right, -0.5 * self.metres)
+        for heads, unit in _UNITS.items():
+            node = self._legend[f"of_{heads}"]
+            node.delete()
+            if self.most[heads]:
+                place = place - 2 * letter * right
+                scale = self.most[heads], self.metres
+                draw_legend(node, *scale, unit, _THICK * self.metres, letter, heads)
+                node.set_transform(placed(place))
+                points = np.stack((*points, *legend_ends(place, self.metres, letter)))
+        return points
 
     def lengths(self, forces: FloatArray) -> FloatArray:
         """Return the lengths (n,) of arrows, negative against the axis [m]."""
@@ -85,6 +109,7 @@ class JointArrows:
 
     def show(self, data: pin.Data, forces: FloatArray | None) -> None:
         """Show forces (n,) of a robot whose joints are placed; none where they are NaN."""
+        self._legend.set_property("visible", forces is not None)
         newtons = np.full(len(self.joints), np.nan) if forces is None else forces
         for name, heads, place, length in zip(
             self.names, self.heads, self.places(data), self.lengths(newtons).tolist(), strict=True
@@ -121,7 +146,7 @@ class RobotScene(MotionScene):
                 visual.addGeometryObject(copy)
         super().__init__(window, robot.model, visual)
         self._draw_meshes()
-        self._arrows = JointArrows(self._viewer["forces"], robot)
+        self._arrows = JointArrows(self._viewer["forces"], self._viewer["legend"], robot)
         self.begin(self._standing())
         self.display(robot.assemble().q)
 
@@ -159,6 +184,7 @@ class RobotScene(MotionScene):
         half = max(float((high - low).max()) / 2, 1e-6)
         self._arrows.set_scale(take.forces, _LONGEST * half)
         points = np.concatenate((room, self._ends(take), take.path[np.isfinite(take.path).all(axis=1)]))
+        points = self._arrows.draw_legends(points)
         x, y, _ = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
         set_stage(self._viewer, points, enlargement(half), (x, y))
         draw_floor(self._viewer["floor"], max(half, float(np.abs(room[:, :2]).max())), float(low[2]))
@@ -208,8 +234,9 @@ def robot_viewer(
     """Return Pinocchio's MeshCat visualizer of any robot, which also plays its motions.
 
     ``robot_viewer(robot, "robot.urdf").play(run)`` plays a run in real time, with arrows of the actuators:
-    along slides forces, about hinges torques, which have two heads; ``record(run).save("run.html")`` writes a
-    page that plays it. The live page is at ``visualizer.viewer.url()`` until ``visualizer.viewer.close()``.
+    along slides forces, about hinges torques, which have two heads, and grey ones for scale;
+    ``record(run).save("run.html")`` writes a page that plays it. The live page is at
+    ``visualizer.viewer.url()`` until ``visualizer.viewer.close()``.
 
     Parameters
     ----------

@@ -193,6 +193,49 @@ def _stretched(scale: float, start: float = 0.0) -> FloatArray:
     return matrix
 
 
+def placed(place: FloatArray) -> FloatArray:
+    """Return a place (3,) as a matrix."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = place
+    return matrix
+
+
+def number(value: float) -> str:
+    """Return a number in four digits or a few more, with a power of ten where it is very large or small."""
+    return f"{value:.0f}" if 1e3 <= value < 1e6 else f"{value:.4g}"
+
+
+def round_below(value: float) -> float:
+    """Return 1, 2 or 5 times a power of ten, at most a positive value."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max((step * power for step in (1, 2, 5) if step * power <= value), default=power)
+
+
+LEGEND = 0x4A545E
+"""Colour of the arrows that show the scale of the others."""
+
+
+def draw_legend(
+    node: Any, largest: float, metres: float, unit: str, radius: float, letter: float, heads: int = 1
+) -> None:
+    """Draw a grey arrow for a round value, which is written over it, where the largest is so long [m]."""
+    import meshcat.geometry as mg
+
+    value = round_below(largest)
+    length = metres * value / largest
+    draw_arrow(node["arrow"], radius, mg.MeshLambertMaterial(color=LEGEND), heads)
+    set_length(node["arrow"], length, radius, heads)
+    write_text(
+        node["text"], f"{number(value)} {unit}", above(np.zeros(3), length + 0.5 * letter), 1.4 * letter
+    )
+
+
+def legend_ends(place: FloatArray, metres: float, letter: float) -> list[FloatArray]:
+    """Return what a legend at a place (3,) reaches, if its arrow is the longest."""
+    text = above(place, metres + 1.5 * letter)
+    return [place, text, text + letter * sideways(), text - letter * sideways()]
+
+
 def draw_path(node: Any, points: ArrayLike, colour: int) -> None:
     """Draw the path of a point (N, 3), seen through what is before it; it replaces the one before."""
     import meshcat.geometry as mg

@@ -384,6 +384,49 @@ def test_forces_along_slides_have_one_head_and_meshes_are_drawn(browser, robot, 
     np.testing.assert_allclose(lengths, lengths[0], rtol=1e-5)
 
 
+def labels(window):
+    """What is written in a scene, by place."""
+    import umsgpack
+
+    commands = [umsgpack.unpackb(message) for message in window.messages()]
+    found = [command for command in commands if command["type"] == "set_object"]
+    return {c["path"]: c["object"]["textures"][0]["text"] for c in found if c["object"].get("textures")}
+
+
+def test_grey_arrows_are_the_scales_of_forces_and_torques(browser, tmp_path):
+    """A round value of each, as long as an arrow of it would be, left of the robot; none without forces."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slide")
+    model.addJoint(1, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.2])), "hinge")
+    model.appendBodyToJoint(2, pin.Inertia(1.0, np.array([0.0, 0.1, 0.2]), np.eye(3)), pin.SE3.Identity())
+    robot = p3dof.ClosedLoopModel(model, p3dof.loops.Sidecar.serial(model))
+    q, forces = [[0.0, 0.5], [0.1, 1.0]], np.array([[-1250.0, 0.03], [800.0, -0.069]])
+    scene = RobotScene(robot, p3dof.viewer.RobotFigure(robot))
+    moved = JointMotion([0.0, 1.0], q, robot.actuated, forces)
+    paths = ["meshcat/legend/of_1/arrow", "meshcat/legend/of_2/arrow"]
+    assert labels(scene.window) == {}
+    scene.player(moved)
+    assert labels(scene.window) == {
+        "/meshcat/legend/of_1/text": "1000 N",
+        "/meshcat/legend/of_2/text": "0.05 N m",
+    }
+    file = scene.record(moved).save(tmp_path / "both.html")
+    scene.player(JointMotion([0.0, 1.0], q, robot.actuated, forces * [1, 0]))
+    assert list(labels(scene.window)) == ["/meshcat/legend/of_1/text"]
+    with opened(browser, file.as_uri(), ready=RECORDED) as page:
+        for time, now in zip((0.0, 1.0), forces, strict=True):
+            seek(page, time)
+            for path, name, share in zip(paths, robot.actuated, abs(now) / [1000, 0.05], strict=True):
+                grey, tip = arrow_of(page, path)[1], arrow_of(page, f"meshcat/forces/{name}")[1]
+                np.testing.assert_allclose(np.linalg.norm(tip), share * np.linalg.norm(grey), rtol=1e-5)
+                np.testing.assert_allclose(grey[:2], 0, atol=1e-6)
+            tips = [*paths, *(f"meshcat/forces/{name}" for name in robot.actuated)]
+            x, y = np.array(page.page.evaluate("paths => tipsOf(paths)", tips)).T
+            assert max(*abs(x), *abs(y)) < 1
+            assert x[1] + 0.05 < x[0] < x[2:].min()
+        page.healthy()
+
+
 def test_the_shapes_of_a_file_are_drawn_and_rods_without():
     loop = p3dof.load_robot(GALLERY / "five_bar.urdf")
     figure = p3dof.viewer.RobotFigure(loop, GALLERY / "five_bar.urdf")

@@ -39,7 +39,12 @@ from p3dof.viewer.stage import (
     colour_number,
     draw_arrow,
     draw_floor,
+    draw_legend,
     draw_path,
+    legend_ends,
+    number,
+    placed,
+    round_below,
     set_length,
     set_stage,
     sideways,
@@ -118,8 +123,7 @@ class ArrowScale:
     @property
     def reference(self) -> float:
         """The force of the legend's arrow: 1, 2 or 5 times a power of ten, at most the largest [N]."""
-        power = 10.0 ** math.floor(math.log10(self.newtons))
-        return max((step * power for step in (1, 2, 5) if step * power <= self.newtons), default=power)
+        return round_below(self.newtons)
 
     @property
     def legend(self) -> str:
@@ -141,13 +145,6 @@ class ArrowScale:
         return bool(abs(force) > _CUT * self.newtons)
 
 
-def number(newtons: float) -> str:
-    """Return a force in four digits or a few more, with a power of ten where it is very large or small."""
-    return f"{newtons:.0f}" if 1e3 <= newtons < 1e6 else f"{newtons:.4g}"
-
-
-LEGEND = 0x4A545E
-"""Colour of the arrow that tells the scale of the others."""
 TEXTS = {"cut": "off scale", "open": "undetermined"}
 """What is written over an arrow that is cut off, and in place of one whose force is NaN."""
 
@@ -166,10 +163,8 @@ class ForceArrows:
     @property
     def ends(self) -> FloatArray:
         """All that the arrows reach, and what is written about the legend's, shape (N, 3)."""
-        letter = self._room.letter
         ends = [above(p, end) for p in self._places.values() for end in (self.scale.low, self.scale.high)]
-        text = above(self._legend, self.scale.metres + 1.5 * letter)
-        return np.stack((*ends, self._legend, text, text + letter * sideways(), text - letter * sideways()))
+        return np.stack((*ends, *legend_ends(self._legend, self.scale.metres, self._room.letter)))
 
     def draw(self) -> None:
         """Put all into the scene; `show` places it."""
@@ -180,8 +175,7 @@ class ForceArrows:
             draw_arrow(self._viewer["forces"][leg], self.radius, material)
             for name, text in TEXTS.items():
                 write_text(self._viewer[name][leg]["text"], text, np.zeros(3), 2 * self._room.letter)
-        draw_arrow(self._viewer["legend/arrow"], self.radius, mg.MeshLambertMaterial(color=LEGEND))
-        self._viewer["legend"].set_transform(_at(self._legend))
+        self._viewer["legend"].set_transform(placed(self._legend))
         self._draw_legend()
 
     def show(self, sliders: FloatArray, forces: FloatArray | None) -> None:
@@ -191,7 +185,7 @@ class ForceArrows:
         for leg, slider, force in zip(LEGS, sliders.tolist(), newtons.tolist(), strict=True):
             node, place = self._viewer["forces"][leg], above(self._places[leg], slider)
             length = self.scale.length(force)
-            node.set_transform(_at(place))
+            node.set_transform(placed(place))
             set_length(node, length, self.radius)
             self._say("open", leg, bool(np.isnan(force)), place)
             below = 1.4 * self._room.letter if length < 0 else 0.0
@@ -207,20 +201,11 @@ class ForceArrows:
         """Show one of `TEXTS` over a place, or hide it."""
         self._viewer[name][leg].set_property("visible", so)
         if so:
-            self._viewer[name][leg].set_transform(_at(above(place, 0.7 * self._room.letter)))
+            self._viewer[name][leg].set_transform(placed(above(place, 0.7 * self._room.letter)))
 
     def _draw_legend(self) -> None:
-        length, letter = self.scale.length(self.scale.reference), self._room.letter
-        set_length(self._viewer["legend/arrow"], length, self.radius)
-        text = above(np.zeros(3), length + 0.5 * letter)
-        write_text(self._viewer["legend/text"], f"{number(self.scale.reference)} N", text, 1.4 * letter)
-
-
-def _at(place: FloatArray) -> FloatArray:
-    """Return a place (3,) as a matrix."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = place
-    return matrix
+        scale = self.scale.newtons, self.scale.metres
+        draw_legend(self._viewer["legend"], *scale, "N", self.radius, self._room.letter)
 
 
 MARK = (0.85, 0.05, 0.1, 1.0)
