@@ -302,6 +302,39 @@ def test_a_recorded_page_repeats_at_its_speed(browser, robot, result, tmp_path):
         page.healthy()
 
 
+def test_a_recorded_page_that_plays_once_ends_and_plays_again(browser, robot, result, tmp_path):
+    file = Scene(robot).record(result, speed=2.0, repeat=False).save(tmp_path / "once.html")
+    end = bodies(Scene(robot).visualizer, result.joints.q[-1])
+    ended = "!viewer.animator.playing && document.querySelector('#player button').textContent === 'Play'"
+    with opened(browser, file.as_uri(), ready=RECORDED) as page:
+        for slid in (False, True):
+            page.wait(ended)
+            check_bodies(page, end)
+            assert page.page.inner_text("#player output") == "1.00 s"
+            if slid:  # it is at the end by hand
+                page.page.focus("#player input")
+                page.page.keyboard.press("Home")
+                page.wait("viewer.animator.time === 0")
+                page.page.keyboard.press("End")
+                page.wait("viewer.animator.time === viewer.animator.duration")
+            page.page.evaluate(
+                """() => {
+                    const display = viewer.animator.display_progress;
+                    window.times = [];
+                    viewer.animator.display_progress = (time) => { times.push(time); display(time); };
+                }"""
+            )
+            page.page.click("#player button")
+            assert page.page.inner_text("#player button") == "Pause"
+            page.wait(ended)
+            times = page.page.evaluate("times")
+            assert times[0] == 0
+            assert times == sorted(times)
+            assert times[-1] == 1.0
+            assert len(times) > 2
+        page.healthy()
+
+
 def test_a_force_that_turns_shrinks_through_zero(browser, robot, result, tmp_path):
     """An arrow that is mirrored: half way between two samples of opposite forces it has no length."""
     forces = np.where(np.arange(101)[:, None] % 2, 10.0, -10.0) * [1, 1, 1]

@@ -14,18 +14,24 @@
   document.body.append(bar);
   animator.mixer.timeScale = start.speed;
 
-  const display = animator.display_progress.bind(animator);
+  const display = animator.display_progress.bind(animator), pause = animator.pause.bind(animator);
+  const label = () => { button.textContent = animator.playing ? "Pause" : "Play"; };
   animator.display_progress = (time) => {
     display(time);
     slider.value = time;
     told.textContent = `${(start.first + time).toFixed(2)} s`;
-    button.textContent = animator.playing ? "Pause" : "Play";
+    label();
+  };
+  animator.pause = () => {  // MeshCat calls it at the end of what plays once
+    pause();
+    label();
   };
   const seek = (time) => {
     animator.seek(time);
     animator.display_progress(time);
   };
   const play = (on) => {
+    if (on && animator.time >= animator.duration) seek(0);
     if (on) animator.play();
     else animator.pause();
     animator.display_progress(animator.time);
