@@ -11,8 +11,8 @@ const MILLIMETRES = [
     { of: "rad", unit: "°", factor: DEGREE },
 ];
 
-/** Units whose first part is not a length or an angle alone: they stay as they are. */
-const SEPARATOR = /^(m|rad)(?=$|\/)/;
+/** A length or an angle, alone or over something, or a product of these; other units stay as they are. */
+const LENGTHS = /^(?:m|rad)(?=\/)|^(?:m|rad)[²³]?(?: (?:m|rad)[²³]?)*$/;
 
 /**
  * How a unit is shown.
@@ -22,10 +22,15 @@ const SEPARATOR = /^(m|rad)(?=$|\/)/;
  */
 export function shown(unit, system) {
     const plain = unit.replace("^2", "²").replace("^3", "³");
-    const found = system === "mm" && SEPARATOR.exec(unit);
-    if (!found) return { unit: plain, factor: 1 };
-    const part = MILLIMETRES.find((each) => each.of === found[1]) ?? MILLIMETRES[0];
-    return { unit: part.unit + plain.slice(part.of.length), factor: part.factor };
+    const [found] = (system === "mm" && LENGTHS.exec(plain)) || [""];
+    const parts = found.split(" ").filter(Boolean).map((text) => {
+        const { of, unit, factor } = text.startsWith("rad") ? MILLIMETRES[1] : MILLIMETRES[0], power = text.slice(of.length);
+        return { unit: unit + power, factor: factor ** (1 + "1²³".indexOf(power || "1")) };
+    });
+    return {
+        unit: parts.map((part) => part.unit).join(" ") + plain.slice(found.length),
+        factor: parts.reduce((product, part) => product * part.factor, 1),
+    };
 }
 
 /** Instead of decimals: digits after the point, and a power of ten. */

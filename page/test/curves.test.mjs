@@ -104,6 +104,10 @@ test("units are converted where lengths and angles are, numbers have a true minu
     assert.deepEqual(shown("m/s", "mm"), { unit: "mm/s", factor: 1000 });
     assert.deepEqual(shown("rad/s^2", "mm"), { unit: "°/s²", factor: 180 / Math.PI });
     assert.deepEqual(shown("m/s²", "SI"), { unit: "m/s²", factor: 1 });
+    assert.deepEqual(shown("m rad", "mm"), { unit: "mm °", factor: (1000 * 180) / Math.PI });
+    assert.deepEqual(shown("m² rad", "mm"), { unit: "mm² °", factor: (1e6 * 180) / Math.PI });
+    assert.deepEqual(shown("m² rad", "SI"), { unit: "m² rad", factor: 1 });
+    assert.deepEqual(shown("m^2 rad/(s^6 N^3)", "mm"), { unit: "m² rad/(s^6 N³)", factor: 1 });
     assert.deepEqual(["N", "N m", "W", "1", "mol"].map((unit) => shown(unit, "mm").factor), [1, 1, 1, 1, 1]);
     assert.deepEqual([fixed(-1.5e-7, -3), fixed(0, -3), fixed(2e8, -1)], ["−1.500e-7", "0", "2.0e+8"]);
     assert.equal(titled("Forces", "N", "mm"), "Forces [N]");

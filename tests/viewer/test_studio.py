@@ -203,9 +203,16 @@ def test_units_are_those_of_the_page(page):
     """Millimetres and degrees, or SI: in facts, axes, tables and choices, with the same machine."""
     page.page.select_option("#index", "2")
     assert page.page.inner_text("#facts").startswith("R = 250 mm, r = 100 mm, L = 400 mm; area ")
+    sizes = {size["unit"]: size["value"] for size in read(page, "studio.state.studio.sizes")}
+    for unit, factor in (("", 1), ("²", 1000)):
+        said = re.search(rf" ([\d.e+]+) mm{unit} °", page.page.inner_text("#facts"))[1]
+        assert float(said) == pytest.approx(1000 * factor * np.degrees(sizes[f"m{unit} rad"]), rel=1e-3)
     page.page.select_option("#units", "SI")
     page.wait(
         "document.querySelector('#facts').textContent.startsWith('R = 0.25 m, r = 0.1 m, L = 0.4 m; area ')"
+    )
+    assert re.search(
+        rf"area {sizes['m rad']} m rad, volume [\d.]+ m² rad within", page.page.inner_text("#facts")
     )
     option = read(page, "studio.charts[0].getOption()")
     assert [option[axis][1]["name"] for axis in ("xAxis", "yAxis")] == ["y [m]", "θ [rad]"]

@@ -3,6 +3,7 @@ import { mountFront, mountParallel } from "./designs.js";
 import { mountMap, mountSlice } from "./map.js";
 import { mountMachine } from "./machine.js";
 import { State, shown } from "./state.js";
+import { shown as inUnits } from "../units.js";
 
 /** @param {string} id @returns {any} */
 const element = (id) => document.getElementById(id);
@@ -33,8 +34,8 @@ function fill(table, caption, rows) {
 function showFacts(state) {
     const { machine, sizes } = state.studio, { unit, factor } = state.poseUnits.y;
     const lengths = /** @type {const} */ (["R", "r", "L"]).map((name) => `${name} = ${shown(machine[name] * factor)} ${unit}`);
-    const told = sizes.map(({ name, value, unit }) => `${name} ${shown(value)} ${unit}`);
-    element("facts").textContent = `${lengths.join(", ")}; ${told.join(", ")} within the limits`;
+    const regions = sizes.map((size) => `${size.name} ${state.told(size, size.value)} ${inUnits(size.unit, state.units).unit}`);
+    element("facts").textContent = `${lengths.join(", ")}; ${regions.join(", ")} within the limits`;
 }
 
 /** @param {State} state */
