@@ -15,6 +15,7 @@ copyright = author  # noqa: A001 - the name that Sphinx reads
 version = release = p3dof.__version__
 
 extensions = [
+    "accessible",  # _ext: what axe finds in the pages of Sphinx and its theme
     "from_program",  # _ext: pages made from the program itself
     "formulas",  # _ext: formulas without a network
     "myst_nb",

@@ -46,6 +46,22 @@ FIRST = {
     "tolerance": "how-to/uncertain-machines.html",
 }
 """What readers search for, and the page that they are to find first."""
+ACCESSIBLE = [
+    "index.html",
+    "how-to/plan-a-task.html",
+    "how-to/many-designs.html",
+    "reference/api/p3dof.load.html",
+    "reference/api/p3dof.loops.html",
+    "reference/cli.html",
+    "reference/files.html",
+    "reference/glossary.html",
+    "tutorials/quick_start.html",
+    "tutorials/from-a-task-to-a-machine.html",
+    "explanation/reduced-form.html",
+    "search.html",
+]
+"""A page of each kind, in which axe looks for what some readers could not use."""
+AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
 NAMED = re.compile(r'<dt class="sig sig-object py" id="([^"]+)">')
 """Where the description of a name begins."""
 WIDE = """() => [...document.querySelectorAll("pre")].filter(box => box.scrollWidth > box.clientWidth)
@@ -122,6 +138,14 @@ def test_every_function_and_class_shows_its_example(site):
             if "".join(examples[full].split()) not in bare(described.get(f"p3dof.{full}", "")):
                 without.append(full)
     assert without == []
+
+
+def test_fields_of_named_tuples_have_their_own_text(site):
+    pages = {path.name: path.read_text(encoding="utf-8") for path in site.glob("reference/api/*.html")}
+    assert [name for name, text in pages.items() if "Alias for field number" in text] == []
+    page = pages["p3dof.loops.html"]
+    described = page[page.index('id="p3dof.loops.MotorSide.torque"') :].partition("</dl>")[0]
+    assert "its own inertia included" in described
 
 
 def test_links_lead_somewhere(site, pages):
@@ -230,3 +254,20 @@ def test_the_machine_on_the_front_page_is_large(browser, address, width):
     page.close()
     assert frame["height"] >= 320
     assert beyond == 0
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_axe_finds_nothing_serious(browser, address, width):
+    if not AXE.exists():
+        pytest.skip("axe-core is not installed: `make page-check` installs what page/ needs")
+    page = browser.new_page(viewport={"width": width, "height": 844})
+    found = {}
+    for name in ACCESSIBLE:
+        page.goto(f"{address}/{name}")
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+        report = page.evaluate("""async () => (await axe.run()).violations.map(
+            ({id, impact, nodes}) => [id, impact, nodes.map(({html}) => html.slice(0, 120))])""")
+        if serious := [entry for entry in report if entry[1] in ("serious", "critical")]:
+            found[name] = serious
+    page.close()
+    assert found == {}

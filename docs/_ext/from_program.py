@@ -31,6 +31,7 @@ import api_examples
 import click
 import yaml
 from api_examples import doors_and_rooms, members, rooms_of
+from numpydoc.docscrape import NumpyDocString
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.config import Config
@@ -375,12 +376,31 @@ class Searched(SphinxTransform):
             self.document.insert(0, addnodes.index(entries=entries))
 
 
+def field_text(kind: type, field: str) -> list[str]:
+    """Return what the docstring of a named tuple, or else the comment behind it, says of a field."""
+    for one in NumpyDocString(inspect.getdoc(kind) or "")["Parameters"]:
+        if field in one.name.split(", "):
+            return list(one.desc)
+    comment = re.search(rf"^    {field}: [^#\n]*  # (.*)$", inspect.getsource(kind), re.MULTILINE)
+    return [comment[1]] if comment else []
+
+
+def describe_fields(
+    _app: Sphinx, _what: str, name: str, _object: Any, _options: Any, lines: list[str]
+) -> None:
+    """Describe the field of a named tuple by its own text, in place of its number."""
+    if lines and lines[0].startswith("Alias for field number"):
+        owner, _, field = name.removeprefix("p3dof.").rpartition(".")
+        lines[:] = [*field_text(attrgetter(owner)(p3dof), field), ""]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Have the pages written before Sphinx looks for its sources."""
     app.add_config_value("searched", {}, "env")
     app.add_transform(Searched)
     app.connect("config-inited", write_pages)
     api_examples.setup(app)
+    app.connect("autodoc-process-docstring", describe_fields)
     # Sphinx cannot see that the command line has changed, and forgets the entries of pages that it does not
     # read: these pages are read anew each time.
     app.connect("env-get-outdated", lambda app, *_: ["reference/cli", *app.config.searched])
