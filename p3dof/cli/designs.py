@@ -89,7 +89,7 @@ def designs(
     platform.mass. Everything else is taken from --parameters. A design that cannot perform the motion gets a
     reason instead of numbers.
 
-    Exit code 1 when no design can make the motion.
+    Exit code 1 when no design can perform the motion.
     """
     protect((table, case.parameters, case.motion_file, case.wrench_file), (out,))
     machine = case.robot.parameters

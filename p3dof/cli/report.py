@@ -315,7 +315,7 @@ def designs(
     tasks, compared on one machine (--parameters, by default the paper's). Differences are against the first
     file. For tables of many machines, see 'designs'.
 
-    Exit code 1 when a machine does not fit, or cannot do a task.
+    Exit code 1 when a machine does not fit, or cannot perform a task.
     """
     read = (*files, *tasks)
     protect((parameters, stiffness, *read), (table, out, figure))

@@ -21,16 +21,14 @@ from p3dof.cli.viewing import View, with_view
 @click.option(
     "--out",
     type=OutputFile("show"),
-    help="Write a file instead of serving: .html (plays with no network), .mp4, .gif or .png (see below).",
+    help="File to write, instead of serving a page: .html (plays offline), .mp4, .gif or .png (see below).",
 )
 @click.option(
-    "--video",
-    type=OutputFile("film"),
-    help="Likewise a film, .mp4 or .gif (needs a Chromium, and playwright).",
+    "--video", type=OutputFile("film"), help="Film to write, .mp4 or .gif (needs Chromium and playwright)."
 )
-@click.option("--screenshot", type=OutputFile("picture"), help="Likewise a picture, .png (needs them too).")
+@click.option("--screenshot", type=OutputFile("picture"), help="Picture to write, .png (needs the same).")
 def show(case: Case, view: View, out: Path | None, video: Path | None, screenshot: Path | None) -> int:
-    """Show the machine and its forces in the browser: play a motion, drag the platform, try what if.
+    """Show the machine and its forces in the browser: play a motion, drag the platform, vary parameters.
 
     The page is served to this machine only, until Ctrl-C or a termination signal, which end it with exit
     code 0. With --out, --video or --screenshot files are written instead, with exit code 1 when the machine

@@ -131,7 +131,7 @@ def simulate(
 ) -> int:
     """Simulate the machine under control along a motion: prints tracking errors, writes results and a figure.
 
-    A simulation that cannot be compiled to C says why, and what to do.
+    If a simulation cannot be compiled to C, the reason and a remedy are printed.
 
     Exit code 1 when a simulation ends early: the reason is printed, and its samples so far are kept.
     """

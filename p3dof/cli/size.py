@@ -80,8 +80,8 @@ def size(
     """Size motors and screws for a task: lists the drives that fit, the smallest first.
 
     Every motor of the catalogue is combined with every gear and every screw or belt, the same on all three
-    axes. Exit code 1 when no drive fits, the machine cannot do the task, or a limit of the machine or of the
-    task is exceeded.
+    axes. Exit code 1 when no drive fits, the machine cannot perform the task, or a limit of the machine or
+    of the task is exceeded.
     """
     protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
     task = read_task(source(task_file))

@@ -30,29 +30,29 @@ _OPTIONS = (
     click.option(
         "--meshcat",
         is_flag=True,
-        help="Play the motion in MeshCat (Pinocchio's MeshcatVisualizer), again and again; with --out "
-        "FILE.html in a file.",
+        help="Play the motion repeatedly in MeshCat (Pinocchio's MeshcatVisualizer); with --out FILE.html "
+        "in a file.",
     ),
     click.option("--once", is_flag=True, help="With --meshcat: play once and end, with exit code 0."),
     click.option(
         "--port",
         type=Whole(0, 65535),
-        help="Port of the page on this machine, 0 for any; the first free one from 7000 on without it.",
+        help="Port of the page on this machine, 0 for any; by default the first free one from 7000 on.",
     ),
     click.option(
         "--speed",
         type=Number(SLOWEST, FASTEST),
         default=1.0,
         show_default=True,
-        help="How many times faster than in reality.",
+        help="Playback speed, 1 for real time.",
     ),
-    click.option("--fps", type=Number(1, 240), help="Frames a second of a film; 25 without it."),
+    click.option("--fps", type=Number(1, 240), help="Frames per second of a film; by default 25."),
     click.option(
         "--at",
         type=float,
-        help="Time of the motion to begin at, and of the picture [s]; its first without it.",
+        help="Start time of playback, and time of a picture [s]; by default that of the first sample.",
     ),
-    click.option("--paused", is_flag=True, help="Begin with the motion stopped."),
+    click.option("--paused", is_flag=True, help="Start with playback paused."),
     click.option(
         "--open/--no-open", "browse", default=True, show_default=True, help="Open the user's browser."
     ),

@@ -216,7 +216,7 @@ def compare_designs(
     Raises
     ------
     SampleError
-        If a machine cannot do a task; the message names it.
+        If a machine cannot perform a task; the message names it.
     InputError
         If an argument does not fit, or there is nothing to compare.
     """

@@ -186,7 +186,7 @@ class Comparison(ShownInNotebook):
 
     @property
     def passed(self) -> bool:
-        """Whether all agree, and the machine can make the motion."""
+        """Whether all agree, and the machine can perform the motion."""
         return self.agree and self.confirmed and self.second.possible
 
     @property

@@ -19,14 +19,14 @@ OPTIONS = r"""
 --animation | flag | Embed the page with the
 --any-size | flag | Accept a machine larger than
 --armature | NUMBER[,B,C] | Armature
---at | float | Time of the motion
+--at | float | (Start time of playback|Time of the motion)
 --bake | flag | Make the parameters of the
 --bandwidth | number | Bandwidth of the drives
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
 --brake-safety | number | Safety factor of holding brakes
 --check | flag | Write nothing
---closure-forces | flag | Show the forces in the
+--closure-forces | flag | Show the closure forces
 --compute | choice | Also compute this
 --controller | choice | PD control
 --counterbalance | NUMBER[,B,C] | Counterbalance force on the sliders
@@ -53,14 +53,14 @@ OPTIONS = r"""
 --force | flag | Overwrite
 --forces-out | FILE | File to write forces
 --format | choice | Format
---fps | number | Frames a second of a
+--fps | number | Frames per second of a
 --frequency | number | Natural frequency of the closed
 --functions | text | Functions
 --generations | whole number | Largest number of generations of
 --gradient | COLUMN | Column by which all results
 --grid | whole number | Number of poses of the
 --ignore-unknown | flag | Ignore elements that look like
---in-time | flag | Also integrate the motion in
+--in-time | flag | Also simulate the motion with
 --index | NAME | Performance index
 --inertia | JOINT | Joint of a body whose
 --integral-time | number | Integral time of the controller
@@ -85,7 +85,7 @@ OPTIONS = r"""
 --max-nut-force | AMOUNT | Limit of the force of each nut
 --max-power | AMOUNT | Limit of the power of
 --max-speed | AMOUNT | Limit of the slider speeds
---meshcat | flag | Play the motion in MeshCat
+--meshcat | flag | Play the motion repeatedly in MeshCat
 --method | choice | (Method of inverse|Forward|Dynamics by)
 --motion | FILE | Motion (file (\(|of the glb)|of the actuated joints)
 --multipliers | flag | Also write the closure forces
@@ -97,12 +97,12 @@ OPTIONS = r"""
 --once | flag | With --meshcat: play once
 --only | choice | Draw only this figure
 --open | flag | Open the user's browser
---out | FOLDER / FILE | (?!Task|Report to write,? on|File to write (fo|the ex)).*(to write|a file instead)
---package-dir | FILE | Folder (of|with) the packages
+--out | FOLDER / FILE | (?!Task|Film|Picture|Report to write,? on|File to write (fo|the ex)).*to write
+--package-dir | FILE | Folder of the packages
 --page | flag | For developers: the WebAssembly
 --paper-motion | flag | Draw and check the path
 --parameters | FILE | Parameter file of the machine
---paused | flag | Begin with the motion stopped
+--paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
 --plot | flag | Draw the figure
 --points | whole number | Number of designs on the
@@ -124,18 +124,18 @@ OPTIONS = r"""
 --samples | whole number | (N|Least n)umber of samples
 --saturation | number / FORCE|file | Saturation of the actuator forces
 --scheduler | ADDRESS | Scheduler of a Dask cluster
---screenshot | FILE | Likewise a picture
+--screenshot | FILE | Picture to write
 --seed | whole number | Seed of the random numbers
 --serial | number | Margin from serial singularities
 --set | JOINT=VALUE | Position of an actuated joint
---shapes | flag | Show the shapes that the
+--shapes | flag | Show the shapes of the
 --sigma | NAME=VALUE | Standard deviation of a parameter
---simulate | number | Play what the robot does
---size | WIDTH HEIGHT | Of a picture or film
+--simulate | number | Simulate the robot from rest
+--size | WIDTH HEIGHT | Size of a picture or film
 --small | COLUMN | Column of designs to minimise
 --smooth | auto|HZ | Filter a measured or rounded
 --solids | flag | Compute all bodies from the
---speed | number | How many times faster than
+--speed | number | Playback speed
 --spread | choice | Distribution of the parameters of
 --srdf | FILE | SRDF file of a URDF
 --start | whole number | Row of the reference design
@@ -156,7 +156,7 @@ OPTIONS = r"""
 --travel | MOST|FROM,TO | Stroke of the sliders
 --vary | NAME=VALUE | Parameter range
 --velocity | Y,Z,THETA | Velocities along y
---video | FILE | Likewise a film
+--video | FILE | Film to write
 --view | choice | What --figure draws
 --wasm | flag | Also WebAssembly for browsers and
 --workers | whole number | Number of worker processes

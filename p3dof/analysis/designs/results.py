@@ -24,7 +24,7 @@ _TOLERANCE = 1e-9  # share of the largest entry by which an inertia may miss the
 
 
 class DesignStatus(IntEnum):
-    """Whether a design can make the motion; if not, the first reason in this order from the end."""
+    """Whether a design can perform the motion; if not, the first reason in this order from the end."""
 
     FEASIBLE = 0
     OUT_OF_REACH = 1

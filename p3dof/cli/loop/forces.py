@@ -54,7 +54,8 @@ def forces(
 ) -> int:
     """Compute the actuator forces of a robot over a motion: prints peaks, writes all samples.
 
-    Passive degrees of freedom move by their dynamics. Exit code 1 when the robot cannot perform the motion.
+    Uncontrolled degrees of freedom move by their dynamics. Exit code 1 when the robot cannot perform the
+    motion.
     """
     protect([*inputs, motion_file], [out])
     found = forces_along(

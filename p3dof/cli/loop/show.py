@@ -46,30 +46,30 @@ _RUN_SAMPLES = 1001
     "--motion",
     "motion_file",
     type=InputFile(),
-    help="Motion of the actuated joints to play, as of 'forces'; the robot stands still without it.",
+    help="Motion of the actuated joints to play, as for 'loop forces'; by default none.",
 )
 @click.option(
     "--simulate",
     "duration",
     type=POSITIVE,
-    help="Play what the robot does in so many seconds when it is let go, as of 'simulate'.",
+    help="Simulate the robot from rest for so long [s], as 'loop simulate' does, and play it.",
 )
 @force_option("With --simulate: ")
 @EXTERNAL
-@click.option("--closure-forces", is_flag=True, help="Show the forces in the closures from the beginning.")
+@click.option("--closure-forces", is_flag=True, help="Show the closure forces from the start.")
 @click.option(
     "--shapes/--no-shapes",
     default=True,
     show_default=True,
-    help="Show the shapes that the file gives to the links; rods without them.",
+    help="Show the shapes of the links in the file; rods otherwise.",
 )
 @click.option(
     "--package-dir",
     "package_dirs",
     type=InputFile(),
     multiple=True,
-    help="Folder with the packages of 'package://', or one of them. Meshes are opened in these folders and "
-    "in that of FILE only.",
+    help="Folder of the packages of 'package://', or one of them; repeatable. Meshes are read from these "
+    "folders and that of FILE only.",
 )
 @click.option("--trace", metavar="FRAME", help="With --meshcat: draw the path of a frame.")
 @METHOD
@@ -77,8 +77,8 @@ _RUN_SAMPLES = 1001
 @click.option(
     "--out",
     type=OutputFile("show"),
-    help="Write a file instead of serving: .html (plays with no network), .mp4, .gif or .png (need a "
-    "Chromium, and playwright).",
+    help="File to write, instead of serving a page: .html (plays offline), .mp4, .gif or .png (need "
+    "Chromium and playwright).",
 )
 @click.option(
     "--size",
@@ -87,7 +87,7 @@ _RUN_SAMPLES = 1001
     default=SIZE,
     show_default=True,
     metavar="WIDTH HEIGHT",
-    help="Of a picture or film [pixels].",
+    help="Size of a picture or film [pixels].",
 )
 def show(
     robot: ClosedLoopModel,
