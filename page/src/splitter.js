@@ -13,7 +13,7 @@ export function mount(element) {
     let share = START;
     const bar = make("div", {
         className: "splitter", role: "separator", tabIndex: 0, "aria-orientation": "horizontal", "aria-label": "Height of the charts",
-        "aria-valuemin": LEAST, "aria-valuemax": MOST, title: "drag: more room for the charts or for the picture",
+        "aria-valuemin": LEAST, "aria-valuemax": MOST, title: "drag to resize charts and picture",
     });
     element.append(bar);
 

@@ -102,7 +102,7 @@ class Numbers {
         const curve = group.curves[shortLabels(group).indexOf(label)];
         const element = make("td", { className: "value" });
         const [value, when] = [make("span"), make("small")];
-        const button = make("button", { type: "button", className: "peak", title: "go there", "data-key": curve.key },
+        const button = make("button", { type: "button", className: "peak", title: "Show this time", "data-key": curve.key },
             make("span", { className: "hidden" }, `${curve.label}: `), value, when);
         button.addEventListener("click", () => button.dataset.time && seek(this.state, Number(button.dataset.time)));
         this.cells.push({ curve, group: group.name, element, button, value, when, factor: 1, digits: 1 });
