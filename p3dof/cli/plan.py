@@ -118,14 +118,13 @@ class _Asked:
             tables.append(best_path_table(made))
         show(console, *tables, notes=True)
         if not task.closed:
-            print_plain(console, "the task does not end where it began: it cannot be repeated as it is")
+            print_plain(console, "the last pose of the task is not its first: it cannot be repeated")
         print_written(console, written)
         if out is not None and any(piece.payload is not None for piece in planned.pieces):
             print_plain(
                 console,
-                f"{out} is the motion alone: commands that take it as --motion know nothing of what is "
-                "carried; those that take the task do (report, size, balance, reactions --task, "
-                "bearings --task)",
+                f"{out} has no payloads: commands that read it as --motion omit them; those that read the "
+                "task include them (report, size, balance, reactions --task, bearings --task)",
             )
         return 0 if within_limits(found, machine, own) else 1
 

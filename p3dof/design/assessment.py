@@ -194,7 +194,7 @@ class Assessment(ShownInNotebook):
         if isinstance(self.found, TaskForces):
             first, last = self.found.plan.motion.pose[[0, -1]]
             if np.abs(first - last).max() > 1e-12:
-                told.append("the task does not end where it began: it cannot be repeated as it is")
+                told.append("the last pose of the task is not its first: it cannot be repeated")
         else:
             told += [words for words in self.found.warnings if "limit" not in words or not told]
         if self.limits is not None and self._fastest is None:

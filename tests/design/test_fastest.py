@@ -243,7 +243,7 @@ def test_the_command_keeps_the_limits(capsys, tmp_path, monkeypatch):
     assert code == 0
     motion = p3dof.Motion.from_csv("fast.csv", check=False)
     assert motion.duration == pytest.approx(0.32812, abs=3e-4)
-    assert "does not end where it began" in out
+    assert "last pose of the task is not its first" in out
     assert "pick → place" in out
     assert "pick to place" not in out
 
