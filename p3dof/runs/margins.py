@@ -53,22 +53,6 @@ class Margins(Protocol):
         """Return why a run ends at a margin."""
 
 
-class Unlimited:
-    """Margins of a plant that nothing stops."""
-
-    def __call__(self, time: float, state: FloatArray) -> FloatArray:  # noqa: ARG002 - as the others
-        """Return that there is room everywhere."""
-        return np.array([np.inf])
-
-    def trend(self, time: float, state: FloatArray, ahead: float) -> tuple[FloatArray, FloatArray]:  # noqa: ARG002
-        """Return that there is room, and stays."""
-        return self(time, state), self(time, state)
-
-    def stop(self, index: int, time: float) -> Stop:
-        """Never asked for: no margin is ever crossed."""
-        raise AssertionError(f"margin {index} at t = {time:g} s")
-
-
 @dataclass(frozen=True)
 class Event(Readable):
     """Something that happens when a function of time and state passes through zero.

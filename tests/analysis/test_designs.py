@@ -618,18 +618,30 @@ def test_other_processes_compute_the_same_bits(monkeypatch):
         np.testing.assert_array_equal(column, wanted[name], err_msg=name)
 
 
-def test_results_as_columns_and_back(tmp_path):
-    from p3dof.analysis.designs.results import results_from_columns
+def results_from_columns(columns):
+    """The results that columns hold, and their gradients: `DesignForces.to_columns` the other way round."""
+    known = {name.partition(" [")[0]: column for name, column in columns.items()}
 
+    def found(before, behind):
+        whole = {
+            name: known[f"{before}{name}{behind}"] for name in FIGURES if f"{before}{name}{behind}" in known
+        }
+        legs = {name: [known.get(f"{before}{name}_{leg}{behind}") for leg in "abc"] for name in FIGURES}
+        return whole | {name: np.stack(each, axis=1) for name, each in legs.items() if each[0] is not None}
+
+    return found("", ""), found("d_", "/d_geometry.R")
+
+
+def test_results_as_columns_and_back(tmp_path):
     found = forces_of_designs(lengths(4), MOTION, figures=EVERYTHING, gradients=("R",))
     table = found.to_columns()
     assert "peak_force_a [N]" in table
     assert "d_peak_force_c/d_geometry.R [N/(m)]" in table
-    again = results_from_columns(table)
+    again, gradients = results_from_columns(table)
     for name in FIGURES:
-        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+        np.testing.assert_array_equal(again[name], getattr(found, name))
     for name, values in found.gradients["geometry.R"].items():
-        np.testing.assert_array_equal(again.gradients["geometry.R"][name], values)
+        np.testing.assert_array_equal(gradients[name], values)
     path = found.to_csv(tmp_path / "found.csv")
     assert path.read_text().splitlines()[0] == ",".join(table)
     assert "4 of 4" in repr(found)

@@ -12,7 +12,7 @@ from p3dof.loops.coordinates import ConfigurationRates
 from p3dof.machine.parameters import LINKS
 from p3dof.runs.actuation import Actuation, Encoders, Noise
 from p3dof.runs.integration import Integrator, Schedule, Tolerances
-from p3dof.runs.margins import Stop, Unlimited
+from p3dof.runs.margins import Stop
 from p3dof.runs.plants import ConstrainedPlant
 
 HOME = np.zeros(3)
@@ -29,6 +29,16 @@ def five_bar() -> ClosedLoopModel:
 def told(*measured):
     """What a controller sees: time, period, positions, velocities, which forces were cut off."""
     return measured
+
+
+class Unlimited:
+    """Margins of a plant that nothing stops."""
+
+    def __call__(self, _time, _state):
+        return np.array([np.inf])
+
+    def trend(self, time, state, _ahead):
+        return self(time, state), self(time, state)
 
 
 def run(

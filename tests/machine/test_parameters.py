@@ -33,7 +33,6 @@ from p3dof.machine.parameters import (
     write_parameters,
 )
 from p3dof.machine.parameters.machine import dump, parse
-from p3dof.machine.parameters.solids import platform_corners
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 LINKS = [
@@ -221,12 +220,6 @@ def test_the_papers_plate_against_a_grid():
     xx, yy = np.var(x[plate]), np.var(y[plate])
     expected = mass * np.array([yy + 0.05**2 / 12, xx + 0.05**2 / 12, xx + yy])
     np.testing.assert_allclose(np.diag(body.inertia), expected, rtol=2e-3)
-
-
-def test_the_platform_corners_are_counter_clockwise():
-    corners = platform_corners(Geometry())
-    np.testing.assert_array_equal(corners, CORNERS)
-    assert moments(corners)[0] > 0
 
 
 def integral(power: tuple[int, int, int], low: list, high: list) -> float:

@@ -41,7 +41,6 @@ from p3dof.closed_form.kinematics.validity import reach_margins, reached
 from p3dof.machine.motion import Motion
 
 INPUTS = (*POSE, *VELOCITY, *ACCELERATION, *WRENCH)
-_OUTPUTS = 10  # three forces, slider positions and velocities, and the sine of the angle from the singularity
 
 
 class Outputs(NamedTuple):

@@ -300,25 +300,3 @@ def _each(name: str, values: NDArray[Any]) -> list[tuple[str, NDArray[Any]]]:
     if values.ndim == 1:
         return [(name, values)]
     return [(f"{name}_{leg}", column) for leg, column in zip("abc", values.T, strict=True)]
-
-
-def results_from_columns(columns: Mapping[str, NDArray[Any]]) -> DesignForces:
-    """Return the results that columns hold; the other way round than `DesignForces.to_columns`."""
-    known = {name.partition(" [")[0]: column for name, column in columns.items()}
-    fields: dict[str, Any] = {}
-    for name in RESULT_UNITS:
-        if name in known:
-            fields[name] = known[name]
-        elif f"{name}_a" in known:
-            fields[name] = np.stack([known[f"{name}_{leg}"] for leg in "abc"], axis=1)
-    gradients: dict[str, dict[str, FloatArray]] = {}
-    for header, values in known.items():
-        what, slash, by = header.partition("/d_")
-        name = what.removeprefix("d_")
-        if slash and not name.endswith(("_a", "_b", "_c")):
-            gradients.setdefault(by, {})[name] = values
-        elif slash and name.endswith("_a"):
-            legs = [known[f"d_{name[:-2]}_{leg}/d_{by}"] for leg in "abc"]
-            gradients.setdefault(by, {})[name[:-2]] = np.stack(legs, axis=1)
-    status = np.asarray(fields.pop("status")).astype(np.uint8)
-    return DesignForces(status=status, gradients=gradients, **fields)

@@ -194,12 +194,3 @@ def inertials_of_solids(lengths: _Lengths, size: _Sizes, density: Scalar) -> dic
 
 _CORNERS = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0]])
 """A3, B3 and C5 of a platform of size one, counter-clockwise."""
-
-
-def platform_corners(geometry: Geometry) -> FloatArray:
-    """Return the platform's joints A3, B3, C5 in its plane, in the platform frame, counter-clockwise.
-
-    x and y of A3, B3 and C5 [m].
-    """
-    corners: FloatArray = geometry.r * _CORNERS + 0.0
-    return corners
