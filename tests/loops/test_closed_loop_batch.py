@@ -518,3 +518,15 @@ def test_friction_in_the_cuts_where_nothing_assembles(count):
     with pytest.raises(p3dof.errors.SampleError, match="sample 0"):
         robot.forces(far, np.zeros(3), np.zeros(3))
     assert np.isnan(robot.forces(far, np.zeros(3), np.zeros(3), on_invalid="nan")).all()
+
+
+@pytest.mark.parametrize("name", ["inverse_dynamics", "hybrid_dynamics"])
+def test_a_last_block_of_one_sample(name):
+    """Pinocchio returns the forces of one sample as a vector."""
+    loop, _ = built("four_bar")
+    crank = np.linspace(0.4, 0.9, BLOCK + 1)[:, None]
+    states = loop.complete_batch(crank, np.ones_like(crank), np.ones_like(crank))
+    last = np.ones_like(crank) if name == "hybrid_dynamics" else states.a
+    found = getattr(loop, f"{name}_batch")(states.q, states.v, last).tau
+    alone = getattr(loop, name)(states.q[-1], states.v[-1], last[-1]).tau
+    np.testing.assert_allclose(found[-1], alone, rtol=1e-9)

@@ -301,7 +301,7 @@ class BatchDynamics(Workspace):
         """Return where the forces are good; forces, residual and closure errors."""
         samples = self._sweep.moving(q, v)
         J, errors, fits = self._closed(samples, q, v, a)
-        f = np.array(pin.rneaInParallel(1, self._pool, q.T, v.T, a.T)).T
+        f = np.array(pin.rneaInParallel(1, self._pool, q.T, v.T, a.T)).T.reshape(v.shape)  # one comes flat
         f -= joint_forces + generalised(self._kinematics, self._sweep, samples, external)
         if self._tree.passive:
             f -= self._tree.passive.forces(q, v)
