@@ -8,7 +8,7 @@ import re
 import sys
 import textwrap
 import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -202,6 +202,11 @@ def shown(value: Any) -> str:
     return f"{'an' if kind[0].lower() in 'aeiou' else 'a'} {kind}"
 
 
+def got_of(value: object) -> str:
+    """Return how to show what a file has where something is expected: perhaps nothing."""
+    return "nothing" if value is None else shown(value)
+
+
 def visible(text: str) -> str:
     """Return a text with its control characters written out: a terminal would obey them.
 
@@ -224,6 +229,34 @@ def meant(name: object, known: Iterable[str], closeness: float = 0.6, most: int 
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
+def with_point(text: object) -> str:
+    """Return what ends an error about a number with a decimal comma."""
+    found = re.fullmatch(r"\s*([+-]?\d+),(\d+)([^,]*)", str(text)[:80])
+    return f"; with a decimal point it is {found[1]}.{found[2]}{found[3]}" if found else ""
+
+
+def require(name: str, value: object, kind: type, error: type[P3dofError] = InputError) -> None:
+    """Raise unless a value is of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise error(f"{name}: expected {article} {kind.__name__}, got {shown(value)}")
+
+
+def require_commas(fields: Sequence[str], where: str, error: type[P3dofError]) -> None:
+    """Raise for a header whose names have something else between them, or that is none."""
+    word = next((word for mark, word in _NOT_COMMAS.items() if len(fields) == 1 and mark in fields[0]), None)
+    if (
+        word is None
+        and len(fields) == 1
+        and all(map(str.isidentifier, names := fields[0].split()))
+        and len(names) > 1
+    ):
+        word = "spaces"
+    if word is not None:
+        raise error(f"{where}: expected commas between the columns, got {word}")
+
+
+_NOT_COMMAS = {";": "semicolons", "\t": "tabs"}
 _OF_FILES = {
     "waypoints": "a task", "geometry": "a machine", "motors": "a catalogue of drives",
     "objectives": "a design problem", "closed_loop": "the sidecar of a robot",
@@ -233,7 +266,8 @@ _OF_FILES = {
 
 def unknown_field(key: object, data: Iterable[object], known: Collection[str]) -> str:
     """Return what an error says of a field that is not known: what may be meant, or which file it may be."""
-    kind = next((words for name, words in _OF_FILES.items() if name in data and name not in known), None)
+    kinds = {name: words for name, words in _OF_FILES.items() if name in data}
+    kind = None if set(kinds) & set(known) else next(iter(kinds.values()), None)
     told = meant(key, known) or (f"; this looks like {kind}" if kind else "")
     return f"unknown field {shown(key)}, expected {', '.join(known)}{told}"
 
@@ -254,7 +288,7 @@ def as_floats(name: str, value: Any, error: type[P3dofError] = InputError) -> Fl
         array = np.asarray(value)
     except (TypeError, ValueError) as problem:
         ragged = isinstance(value, list | tuple) and isinstance(problem, ValueError)
-        got = "rows of different lengths" if ragged else f"{shown(value)} ({one_line(str(problem))})"
+        got = "rows of different lengths" if ragged else shown(value)
         raise error(f"{name}: expected real numbers, got {got}") from problem
     if array.dtype.kind not in "fiu":
         raise error(f"{name}: expected real numbers, got {_in_words(array)}")
@@ -350,7 +384,7 @@ def whole(name: str, value: Any, least: int) -> int:
 def _in_words(array: NDArray[Any]) -> str:
     """Say what an array holds instead of real numbers."""
     if array.dtype.kind in "UT" and array.size:
-        return shown(next((item for item in array.flat if not _is_number(item)), array.flat[0]))
+        return shown(next((item for item in array.flat if not is_number(str(item))), array.flat[0]))
     if array.dtype.kind == "b" and array.ndim == 0:
         return str(array)
     if array.dtype.kind != "O":
@@ -362,9 +396,10 @@ def _in_words(array: NDArray[Any]) -> str:
     return "objects"
 
 
-def _is_number(text: Any) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a text is a number as everybody writes it: Python reads 1_000 and other scripts' digits too."""
     try:
         float(text)
     except ValueError:
         return False
-    return True
+    return "_" not in text and text.isascii()

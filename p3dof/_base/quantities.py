@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from p3dof._base.checks import is_number, with_point
 from p3dof._base.errors import ParameterError
 
 _Powers = tuple[int, int, int, int]  # of metre, kilogram, second and radian
@@ -86,13 +87,8 @@ class Quantity:
 
     def _number(self, text: str, where: str) -> float:
         """Return the number that a text stands for."""
-        try:
-            number = float(text)
-        except ValueError:
-            pass
-        else:
-            if "_" not in text:  # Python reads 1_000, nobody else does
-                return number
+        if is_number(text):
+            return float(text)
         written = _WRITTEN.match(text) if len(text) <= _LONGEST else None
         if written is None:
             raise self._refused(text, where)
@@ -117,18 +113,14 @@ class Quantity:
         example = (self.unit, *self.others)[-1]
         return ParameterError(
             f"{where}: expected {self.name}, a number in {self.unit} or one with a unit such as "
-            f"'1 {example}', got {text[:40]!r}{'...' if len(text) > 40 else ''}"
+            f"'1 {example}', got {text[:40]!r}{'...' if len(text) > 40 else ''}{with_point(text)}"
         )
 
 
 def _is_plain(value: Any) -> bool:
     """Whether a value is a number without a unit."""
     if isinstance(value, str):
-        try:
-            float(value)
-        except ValueError:
-            return False
-        return True
+        return is_number(value)
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

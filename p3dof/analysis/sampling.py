@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.errors import InputError
 from p3dof._base.time_series.smoothing import between_samples
 from p3dof.analysis.energy import imbalance, work_given
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import singularity
-from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, states_over
+from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, require_motion, states_over
 from p3dof.machine.parameters import LEGS, Parameters
 from p3dof.methods import InverseDynamics
 from p3dof.methods.compiled import CompiledMethod
@@ -52,8 +51,7 @@ Loads = Mapping[str, FloatArray]
 
 def refined(parameters: Parameters, motion: Motion, wrench: WrenchOverTime) -> Motion:
     """Return a motion with as many samples as peaks and work need; as it is where it cannot be performed."""
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
+    require_motion(motion)
     steps = len(motion) - 1
     if not 0 < steps <= MOST:
         return motion
@@ -75,6 +73,10 @@ def refined(parameters: Parameters, motion: Motion, wrench: WrenchOverTime) -> M
             return peaked  # not enough, but what the load does is seen
         now, known, parts = finer, loads_at(kernels, finer, load), 2 * parts
     return now
+
+
+_LONG, _SLOW = 60.0, 0.01
+"""A motion longer than this [s] and slower than this share of the sliders' limit may have its times in ms."""
 
 
 def warnings_about(
@@ -101,6 +103,11 @@ def remarks_on(
     found = list(motion.remarks())
     if not result.possible or len(motion) < 2:
         return tuple(found)
+    fastest = float(np.abs(motion.velocity).max())
+    if motion.duration > _LONG and 0 < fastest < _SLOW * parameters.limits.speed:
+        found.append(
+            f"the motion takes {motion.duration:g} s, at {fastest:.2g} m/s at most (ms? write t [ms])"
+        )
     load = _load(motion, wrench if isinstance(wrench, WrenchHistory) else result.wrench)
     doubts = _between(MachineKernels(parameters), motion, load)
     missed, scale = imbalance(parameters, result)

@@ -151,8 +151,20 @@ class Group(click.Group):
         """Return the command that is meant; an error names those that come close."""
         name = args[0]
         if name not in self.list_commands(ctx) and name[:1] != "-" and not ctx.resilient_parsing:
-            ctx.fail(f"no such command {name!r}{_hint(name, self.table, ctx)}")
+            ctx.fail(f"no such command {name!r}{self._command_hint(name, ctx)}")
         return super().resolve_command(ctx, args)
+
+    def _command_hint(self, name: str, ctx: click.Context) -> str:
+        """Return what ends an error about a command: what is near, or where a file belongs."""
+        if Path(name).suffix:
+            first = "info" if "info" in self.table else "loop info" if name.endswith("f") else "COMMAND"
+            return f"; a command stands before a file: '{ctx.command_path} {first} {name}'"
+        inner = self.get_command(ctx, "loop")
+        if isinstance(inner, Group) and name in inner.table:
+            return f"; did you mean 'loop {name}'?"
+        from p3dof import __all__ as public
+
+        return f"; p3dof.{name} is Python, no command" if name in public else _hint(name, self.table, ctx)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands, then the options."""
@@ -221,11 +233,20 @@ def main(
     return code
 
 
+_HELD: list[str] = []
+"""Doubts about units that are told at the end, unless an error says the same."""
+_UNITS = "): units are m, rad"
+
+
 def _run(arguments: Sequence[str] | None) -> int:
+    _HELD.clear()
     with warnings.catch_warnings():
         warnings.simplefilter("always", ModelWarning)
         warnings.showwarning = _show_warning
-        return _called(arguments)
+        try:
+            return _called(arguments)
+        finally:
+            sys.stderr.write("".join(_HELD))
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *place: Any, **others: Any) -> None:
@@ -233,7 +254,11 @@ def _show_warning(message: Warning | str, category: type[Warning], *place: Any, 
     if issubclass(category, ModelWarning):
         from p3dof._base.checks import one_line
 
-        sys.stderr.write(f"p3dof: {one_line(str(message), LONGEST)}\n")
+        line = f"p3dof: {one_line(str(message), LONGEST)}\n"
+        if _UNITS in line:
+            _HELD.append(line)
+        else:
+            sys.stderr.write(line)
     else:
         sys.stderr.write(warnings.formatwarning(message, category, *place[:2], *place[3:4], **others))
 
@@ -245,6 +270,9 @@ def _called(arguments: Sequence[str] | None) -> int:
         )
     except P3dofError as error:
         told = str(error.args[0] if error.args else error)  # without hints for programs
+        if told.endswith("?)"):
+            _HELD.clear()
+            told += ": give the unit, as in '10 mm' or '30 deg', or y [mm], theta [deg] in a CSV file"
         return _fail(told, FAILED if isinstance(error, _CANNOT) else BAD_INPUT)
     except click.exceptions.NoArgsIsHelpError as error:
         first = error.ctx is not None and error.ctx.parent is None
@@ -312,6 +340,8 @@ def _said(error: click.ClickException) -> str:
     if extra and context is not None:
         name = extra[1].rstrip(")")
         option = _TAKES.get(Path(name).suffix.lower())
+        for one in context.command.params:
+            option = one.opts[0] if name in getattr(one.type, "choices", ()) else option
         has = any(option in one.opts for one in context.command.params)
         near = f"; did you mean {option} {name}?" if has else f"; see '{context.command_path} --help'"
         return f"unexpected argument {name!r}{near}"

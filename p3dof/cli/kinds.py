@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from p3dof._base.checks import LARGEST, SMALLEST, shown
+from p3dof._base.checks import LARGEST, SMALLEST, shown, with_point
 from p3dof._base.errors import ParameterError
 from p3dof._base.quantities import Quantity
 from p3dof._base.time_series.smoothing import Smooth
@@ -53,17 +53,14 @@ class Number(click.FloatRange):
         try:
             number = float(value)
         except ValueError:
-            self.fail(f"expected a number, got {shown(value)}{_with_point(value)}", param, ctx)
+            told = with_point(value)
+            if not told and re.match(r"[+-]?[\d.]+ *[A-Za-z]", str(value)):
+                told = "; write it without a unit, which --help names"
+            self.fail(f"expected a number, got {shown(value)}{told}", param, ctx)
         if not abs(number) <= LARGEST:
             self.fail(f"expected a finite number of at most {LARGEST:g} in size, got {number:g}", param, ctx)
         found: float = super().convert(number, param, ctx)
         return found
-
-
-def _with_point(text: object) -> str:
-    """Return what ends an error about a number with a decimal comma."""
-    found = re.fullmatch(r"\s*([+-]?\d+),(\d+)(.*)", str(text)[:80])
-    return f"; with a decimal point it is {found[1]}.{found[2]}{found[3]}" if found else ""
 
 
 class Whole(click.IntRange):
@@ -99,7 +96,7 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
         except (ParameterError, ValueError):
             example = (self._quantity.unit, *self._quantity.others)[-1]
             rule = f"expected {self._quantity.name} such as '5 {example}'"
-            self.fail(f"{rule}, got {shown(value)}{_with_point(value)}", param, ctx)
+            self.fail(f"{rule}, got {shown(value)}{with_point(value)}", param, ctx)
         if not (SMALLEST <= number <= LARGEST or (number == 0 and self._zero)):
             self.fail(f"expected a positive number, got {number:g}", param, ctx)
         return number

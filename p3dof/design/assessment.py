@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, not_negative, shown
+from p3dof._base.checks import FloatArray, Progress, not_negative, require, shown
 from p3dof._base.errors import InputError
 from p3dof._base.tables import ShownInNotebook, percent
 from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
@@ -347,8 +347,7 @@ def assess(
     DriveError, InputError
         If an argument does not fit.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require("robot", robot, Manipulator)
     if not isinstance(found, InverseDynamics | TaskForces):
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
     if not isinstance(name, str):

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.tables import NONE, Table, number
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
@@ -165,8 +165,7 @@ def _forces(
     robot: Manipulator, found: InverseDynamics | TaskForces | Motion | Plan
 ) -> InverseDynamics | TaskForces:
     """Return forces over a motion or a task, checked."""
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require("robot", robot, Manipulator)
     if isinstance(found, Motion):
         found = robot.inverse_dynamics(found, method="compiled")
     elif isinstance(found, Plan):

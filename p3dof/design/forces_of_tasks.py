@@ -12,7 +12,7 @@ from typing import Literal, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
@@ -211,8 +211,7 @@ def forces_of_task(
 
 def machines_of(robot: Manipulator, plan: Plan) -> tuple[Manipulator, ...]:
     """Return the machine with what it carries, for each piece; one object where the payload is the same."""
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require("robot", robot, Manipulator)
     if not isinstance(plan, Plan):
         raise InputError(f"plan: expected what Task.plan returns, got {shown(plan)}")
     laden: dict[int, Manipulator] = {id(None): robot}

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DriveError, InputError
 from p3dof.design.drives import Drive, Sizing, cycle_of, size_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY
@@ -61,8 +61,7 @@ def size_drives(
     InputError
         If `robot` or `found` is something else.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require("robot", robot, Manipulator)
     if not isinstance(found, InverseDynamics | TaskForces):
         raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
     results = [found] if isinstance(found, InverseDynamics) else found.results

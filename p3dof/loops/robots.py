@@ -30,7 +30,9 @@ def urdf_of(name: str) -> tuple[str, bool]:
         ) from error
     loaders = robots_loader.ROBOTS
     if name not in loaders:
-        raise ModelError(f"{shown(name)} is no file and no robot by name; {suggestion(name, loaders)}")
+        here = [file for ending in _SUFFIXES if Path(file := name + ending).is_file()]
+        told = f"did you mean {here[0]!r}?" if here else suggestion(name, loaders)
+        raise ModelError(f"{shown(name)} is no file and no robot by name; {told}")
     loader = loaders[name]
     if not loader.urdf_filename:
         raise ModelError(f"the robot {shown(name)} has no URDF")

@@ -13,7 +13,16 @@ import numpy as np
 import pinocchio as pin
 import yaml
 
-from p3dof._base.checks import FloatArray, Readable, frozen_array, meant, positive, shown
+from p3dof._base.checks import (
+    FloatArray,
+    Readable,
+    frozen_array,
+    got_of,
+    meant,
+    positive,
+    shown,
+    unknown_field,
+)
 from p3dof._base.errors import FileError, ModelError
 from p3dof._base.files import parse_yaml, read_text
 
@@ -344,7 +353,7 @@ _COUPLING = ("joint", "coefficients", "on", "name", "others")
 def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
     """Return the arguments of `Sidecar` from a mapping with the keys of the file."""
     if not isinstance(content, Mapping):
-        raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {shown(content)}")
+        raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {got_of(content)}")
     _known_keys(source, content, _REQUIRED, _OPTIONAL)
     pairs, kinds, actuated = (_list(source, content, key) for key in _REQUIRED)
     lengths, couplings, names, types, data = (
@@ -445,8 +454,7 @@ def _known_keys(
 ) -> None:
     for key in content:
         if key not in required + optional:
-            wanted = f"expected {_listed(required + optional)}{meant(key, required + optional)}"
-            raise ModelError(f"{where}: unknown key {shown(key)}, {wanted}")
+            raise ModelError(f"{where}: {unknown_field(key, content, required + optional)}")
     for key in required:
         if key not in content:
             raise ModelError(f"{where}: the key {key!r} is missing")

@@ -20,7 +20,9 @@ class ManipulatorModel:
 
     def __init__(self, parameters: Parameters) -> None:
         if not isinstance(parameters, Parameters):
-            raise InputError(f"parameters: expected Parameters, got {type(parameters).__name__}")
+            raise InputError(
+                f"parameters: expected Parameters, got {type(parameters).__name__}; from_dict takes a dict"
+            )
         self.parameters = parameters
         self.methods = Methods(self)
 

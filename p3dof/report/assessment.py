@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import shown
+from p3dof._base.checks import require, shown
 from p3dof._base.errors import InputError
 from p3dof._base.tables import number, percent
 from p3dof.analysis.reactions import how_chosen, names_table, reactions_table
@@ -49,8 +49,7 @@ def render_assessment(found: Assessment, **heading: Any) -> str:
     Its first lines say whether the machine fits, which rating is worst, when, where and by how much. Around
     the numbers stand ``title``, ``about``, ``command``, ``page``, ``picture`` and ``date``.
     """
-    if not isinstance(found, Assessment):
-        raise InputError(f"found: expected an Assessment, got {shown(found)}")
+    require("found", found, Assessment)
     page_of = template("assessment.html.j2")
     words = Heading(**heading).words(found.name)
     return rendered(page_of, words | _answer(found) | _content(found))

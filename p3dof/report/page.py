@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.checks import FloatArray, Progress, require
 from p3dof._base.errors import InputError
 from p3dof._base.samples import OnInvalid
 from p3dof.analysis.energy import Energy, balance_table, bodies_table, drives_table
@@ -64,8 +64,7 @@ def render(
     ``title``, ``about``, ``command``, ``page``, ``picture`` and ``date``, which stand around the numbers.
     """
     page_of = template("report.html.j2")
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
+    require("robot", robot, Manipulator)
     words = Heading(**heading).words(TITLE)
     if comparison is None:
         comparison = robot.compare(motion, wrench=wrench, on_invalid=on_invalid, progress=progress)

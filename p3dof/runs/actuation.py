@@ -147,8 +147,17 @@ class Actuation:
 
 
 def _constant(forces: ArrayLike | None, size: int) -> Callable[[Any], FloatArray]:
-    held = frozen_array("controller", np.zeros(size) if forces is None else forces, (size,))
+    held = constant_forces(np.zeros(size) if forces is None else forces, size)
     return lambda _: held
+
+
+def constant_forces(forces: ArrayLike, size: int) -> FloatArray:
+    """Return the constant forces (size,) that stand for a controller."""
+    if isinstance(forces, str):
+        raise InputError(
+            f"controller: expected one, such as PD(robot, motion), or forces, got {forces!r:.40}"
+        )
+    return frozen_array("controller", forces, (size,))
 
 
 def _checked(forces: ArrayLike, size: int) -> FloatArray:

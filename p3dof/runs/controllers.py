@@ -24,7 +24,7 @@ from p3dof._base.threads import OneThread
 from p3dof._base.time_series.smoothing import hermite
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled.kernels import pose_at
-from p3dof.machine.motion import Motion, states_of
+from p3dof.machine.motion import Motion, require_motion, states_of
 from p3dof.machine.parameters import Geometry, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.runs.machine_plants import Equations
@@ -154,8 +154,7 @@ class Reference:
     """
 
     def __init__(self, motion: Motion) -> None:
-        if not isinstance(motion, Motion):
-            raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+        require_motion(motion)
         self.motion = motion
         self._curves: list[Any] = []
         if len(motion) > 1:

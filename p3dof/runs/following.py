@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
+from p3dof._base.checks import FloatArray, Progress, frozen_array, require
 from p3dof._base.errors import AssemblyError, DynamicsError, InputError, SingularityError
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled.kept import Method
@@ -207,8 +207,7 @@ class FollowedMotion(Run[RobotRun]):
         progress: Progress | None,
         method: Method,
     ) -> None:
-        if not isinstance(motion, JointReference):
-            raise InputError(f"motion: expected a JointReference, got {shown(motion)}")
+        require("motion", motion, JointReference)
         self.loop, self.motion = loop, reference_of(loop, motion)
         if not motion.duration:
             raise InputError("motion: expected at least two samples, got one")

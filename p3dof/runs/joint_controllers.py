@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, as_floats, frozen_array, positive, shown
+from p3dof._base.checks import FloatArray, as_floats, frozen_array, positive, require
 from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text
 from p3dof._base.threads import Own
@@ -126,8 +126,7 @@ class JointReference:
 
 def reference_of(loop: ClosedLoopModel, given: JointReference | ArrayLike) -> JointReference:
     """Return a reference of a robot's actuated joints: one that is given, or values (n,) that stay."""
-    if not isinstance(loop, ClosedLoopModel):
-        raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
+    require("loop", loop, ClosedLoopModel)
     reference = given if isinstance(given, JointReference) else JointReference.standing(given)
     if reference.size != len(loop.actuated):
         raise InputError(

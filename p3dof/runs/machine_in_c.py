@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array
+from p3dof._base.checks import FloatArray, Progress
 from p3dof._base.errors import ControllerError, DynamicsError
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
 from p3dof.closed_form.compiled import runs
@@ -18,7 +18,7 @@ from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import Parameters
 from p3dof.methods import Machine
 from p3dof.runs import compiled_controllers as controllers
-from p3dof.runs.actuation import Actuation, Measure
+from p3dof.runs.actuation import Actuation, Measure, constant_forces
 from p3dof.runs.controllers import Reference, Springs
 from p3dof.runs.integration import BEYOND, FAILED, NEAR
 from p3dof.runs.machine_plants import Limiter
@@ -84,7 +84,7 @@ class MachineInC:
         """Return constant forces as they act, and as they were asked for, (6,)."""
         found = np.zeros(6)
         if forces is not None:
-            found[3:] = frozen_array("controller", forces, (3,))
+            found[3:] = constant_forces(forces, 3)
             np.clip(found[3:], -self._largest, self._largest, out=found[:3])
         return found
 

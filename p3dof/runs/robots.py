@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, Progress, one_line, shown
+from p3dof._base.checks import FloatArray, Progress, one_line, require
 from p3dof._base.errors import AssemblyError, ControllerError, InputError, ModelError
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled import build, runs
@@ -365,8 +365,7 @@ class ObservedPlant(ConstrainedPlant):
 
 def require_robot(loop: Any) -> None:
     """Raise `InputError` unless this is a robot with joints."""
-    if not isinstance(loop, ClosedLoopModel):
-        raise InputError(f"loop: expected a ClosedLoopModel, got {shown(loop)}")
+    require("loop", loop, ClosedLoopModel)
     if not loop.model.nv:
         raise InputError("loop: expected a robot with joints, this one has none")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, positive, shown
+from p3dof._base.checks import FloatArray, Progress, positive, require
 from p3dof._base.errors import FileError, InputError, MissingExtraError
 from p3dof._base.files import scratch_folder, suffix_of, write_atomic
 from p3dof.viewer.document.encoding import decoded
@@ -78,8 +78,7 @@ def save_video(
 
 def times_of(page: Page) -> FloatArray:
     """Return the times of the first run of a page, shape (N,) [s]."""
-    if not isinstance(page, Page):
-        raise InputError(f"page: expected a Page, got {shown(page)}")
+    require("page", page, Page)
     if not page.document["runs"]:
         raise InputError("page: expected one with a run")
     return np.asarray(decoded(page.document["runs"][0]["time"]))

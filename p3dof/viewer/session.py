@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from p3dof._base.checks import one_line, shown
+from p3dof._base.checks import one_line, require, shown
 from p3dof._base.errors import FileError, InputError, P3dofError
 
 Message: TypeAlias = dict[str, Any]
@@ -160,8 +160,7 @@ class Session:
             self.selection = value
         else:
             value = message.get("waypoints")
-            if not isinstance(value, list):
-                raise InputError(f"waypoints: expected a list, got {shown(value)}")
+            require("waypoints", value, list)
             self.waypoints = value
         for follower in tuple(self._followers[kind]):
             self._work.put((id(follower), kind), lambda follower=follower: follower(value))  # type: ignore[misc]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, as_floats, frozen_array, real, shown
+from p3dof._base.checks import FloatArray, as_floats, frozen_array, real, require, shown
 from p3dof._base.errors import InputError
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled.kept import Method
@@ -165,8 +165,7 @@ def figure_of(
     robot: ClosedLoopModel, shapes: Shapes | None, package_dirs: Iterable[str | os.PathLike[str]] = ()
 ) -> Drawable:
     """Return what is seen of a robot: as given, or the shapes of its file, or rods."""
-    if not isinstance(robot, ClosedLoopModel):
-        raise InputError(f"robot: expected a ClosedLoopModel, got {shown(robot)}")
+    require("robot", robot, ClosedLoopModel)
     if hasattr(shapes, "visual_model"):
         return shapes  # type: ignore[return-value]  # it has what is drawn
     return RobotFigure(robot, shapes, package_dirs)  # type: ignore[arg-type]

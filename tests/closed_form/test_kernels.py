@@ -464,7 +464,7 @@ def test_the_facade_offers_them():
         InputError, match="method: expected one of 'pinocchio', 'virtual-power', 'compiled', got 'numpy'"
     ):
         robot.mass_matrix(q, method="numpy")
-    with pytest.raises(InputError, match="motion: expected a Motion, got list"):
+    with pytest.raises(InputError, match="motion: expected a Motion, got a list"):
         robot.inverse_dynamics_derivatives([1, 2])
 
 

@@ -60,7 +60,7 @@ def test_names_that_look_like_numbers_survive_the_round_trip():
         ("type: []\nname_mot: []", "the key 'closed_loop' is missing"),
         ("closed_loop: []\nname_mot: []", "the key 'type' is missing"),
         ("closed_loop: []\ntype: []", "the key 'name_mot' is missing"),
-        (GOOD + "motors: []", "unknown key 'motors', expected 'closed_loop', 'type', 'name_mot'"),
+        (GOOD + "motors: []", "unknown field 'motors', expected closed_loop, type, name_mot"),
         (GOOD + "type: ['6d']", "the key 'type' is given more than once"),
         (GOOD.replace("['3D']", "3d"), "type: expected a list, got '3d'"),
         (GOOD.replace("['3D']", "[3d, 6d]"), "type: expected 1 entries, one a closure, got 2"),
@@ -75,7 +75,7 @@ def test_names_that_look_like_numbers_survive_the_round_trip():
         (GOOD + "coupling: {joint: a}", "coupling: expected a list"),
         (GOOD + "coupling: [a]", r"coupling\[0\]: expected a mapping with 'joint', 'coefficients'"),
         (GOOD + "coupling: [{joint: a}]", r"coupling\[0\]: the key 'coefficients' is missing"),
-        (GOOD + "coupling: [{joint: a, coefficients: [1], to: b}]", r"coupling\[0\]: unknown key 'to'"),
+        (GOOD + "coupling: [{joint: a, coefficients: [1], to: b}]", r"coupling\[0\]: unknown field 'to'"),
         (GOOD + "coupling: [{joint: a, coefficients: 1}]", r"coupling\[0\]: .*coefficients: expected shape"),
         (
             GOOD + "coupling: [{joint: a, coefficients: [x]}]",

@@ -154,7 +154,7 @@ def test_what_is_not_finite_is_told_or_left_out():
         (lambda: states_of(HOME, on_invalid="skip"), "on_invalid: expected 'raise' or 'nan', got 'skip'"),
         (lambda: states_of(HOME, wrench=[1, 2]), r"wrench: expected shape \(..., 6\), got \(2,\)"),
         (lambda: states_of(HOME, wrench=[np.inf] * 6), "wrench: expected finite numbers"),
-        (lambda: states_over(HOME), "motion: expected a Motion, got ndarray"),
+        (lambda: states_over(HOME), "motion: expected a Motion, got a ndarray"),
     ],
 )
 def test_what_are_no_states(given, message):

@@ -135,7 +135,7 @@ def test_wrong_units(old, new, words):
 
 MILLIMETRES = "geometry: {r: 120, R: 250, L: 400, b: 50}"
 REFUSED = {
-    MILLIMETRES: "m.yaml: geometry: L = 400 m is more than 20 m: lengths are in metres; did you mean mm?",
+    MILLIMETRES: "geometry: L = 400 m is more than 20 m: lengths are in metres; did you mean '400 mm'",
     "geometry: {r: 0.12, R: 0.25, L: 0.4, b: 50}": "b = 50 m is more than 20 m",
     "geometry: {r: 1.2e-4, R: 2.5e-4, L: 4e-4, b: 5e-5}": "L = 0.0004 m, is less than 0.001 m",
 }
@@ -164,7 +164,7 @@ def test_machines_of_another_unit(tmp_path, capsys, geometry):
 
 
 def test_mass_centres_of_another_unit(tmp_path, capsys):
-    with pytest.raises(ParameterError, match=r"leg_a: com: 200 m is more than 20 m.*did you mean mm"):
+    with pytest.raises(ParameterError, match=r"leg_a: com: 200 m is more than 20 m.*did you mean '200 mm'"):
         parse(PLAIN.replace("com: [0.2, 0, 0]", "com: [200, 0, 0]").replace("about: [0.1", "about: [200"))
     with pytest.raises(ParameterError, match="payload: com: 100 m is more than 20 m"):
         parse(PLAIN.replace("com: [0, 0, -0.1]", "com: [0, 0, -100]"))
@@ -391,11 +391,7 @@ def test_lengths_alone_and_solids():
             "m.yaml: dimensions: unknown field 'rod', expected slider_edge, "
             "rod_radius, plate_thickness, corner_radius",
         ),
-        (
-            "bodies: solid",
-            "m.yaml: bodies: expected the fields slider_a, leg_a, slider_b, leg_b, slider_c, "
-            "crossbar_upper, rod_left, crossbar_lower, platform, rod_right, got 'solid'",
-        ),
+        ("bodies: solid", "m.yaml: bodies: expected 'solids', or mass, com and inertia of each, got 'solid'"),
         (
             "bodis: solids",
             "m.yaml: unknown field 'bodis', expected geometry, bodies, limits, gravity, friction, "

@@ -436,7 +436,7 @@ def test_load(tmp_path):
             "method: expected one of 'pinocchio', 'virtual-power', 'compiled'",
         ),
         (lambda r: r.inverse_dynamics(p3dof.paper_motion(5), method="adams"), "method: expected"),
-        (lambda r: r.inverse_dynamics(HOME), "motion: expected a Motion, got ndarray"),
+        (lambda r: r.inverse_dynamics(HOME), "motion: expected a Motion, got a ndarray"),
         (lambda r: r.forces(HOME, HOME, HOME, on_invalid="skip"), "on_invalid: expected"),
         (lambda r: r.forces([0, 0], HOME, HOME), "pose: expected shape"),
         (lambda r: r.forces(HOME, HOME, HOME, wrench=[1, 2]), "wrench: expected shape"),

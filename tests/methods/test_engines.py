@@ -387,7 +387,7 @@ def test_where_no_neighbour_has_mass_to_give_only_exudyn_goes_on():
 @EACH
 def test_bad_input_to_forces(name):
     made = engine(name)
-    with pytest.raises(InputError, match="motion: expected a Motion, got int"):
+    with pytest.raises(InputError, match="motion: expected a Motion, got 3"):
         made.forces(3)
     for wrench in ([1, 2], np.zeros((5, 6)), 6 * [np.nan], "x"):
         with pytest.raises(InputError, match="wrench"):

@@ -454,7 +454,7 @@ def test_disagreement_is_shown(monkeypatch, motion):
 def test_bad_arguments(robot, motion, tmp_path):
     for arguments, options, words in (
         ((None, motion), {}, "robot: expected a Manipulator, got None"),
-        ((robot, None), {}, "motion: expected a Motion, got NoneType"),
+        ((robot, None), {}, "motion: expected a Motion, got None"),
         ((robot, motion), {"title": 3}, "title: expected text, got 3"),
         ((robot, motion), {"command": b"x"}, "command: expected text, got bytes"),
         ((robot, motion), {"page": 1.5}, "page: expected text, got 1.5"),

@@ -13,7 +13,7 @@ from typing import IO, Any, NoReturn, TypeAlias
 import yaml
 
 from p3dof._base.checks import LARGEST, one_line, shown, visible
-from p3dof._base.errors import FileError, P3dofError
+from p3dof._base.errors import FileError, P3dofError, ParameterError
 
 MAX_BYTES = 20_000_000
 """Largest text file that is read without another limit [bytes]."""
@@ -100,7 +100,8 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
         raise error(f"{source}: expected at most {MAX_YAML} characters of YAML, got {len(text)}")
     if text.lstrip()[:1] == "<":
         kind = "a URDF" if "<robot" in text else "XML"
-        raise error(f"{source}: expected YAML, got what looks like {kind}")
+        hint = "; p3dof loop and p3dof.load_robot read it" if error is ParameterError else ""
+        raise error(f"{source}: expected YAML, got what looks like {kind}{hint}")
     if source.lower().endswith(".csv"):
         raise error(f"{source}: expected a YAML file, got a CSV file")
     try:
@@ -110,6 +111,8 @@ def parse_yaml(text: str, source: str, error: type[P3dofError]) -> Any:
         where = f", line {mark.line + 1}" if mark is not None else ""
         what = getattr(problem, "problem", None) or str(problem).splitlines()[0]
         hint = "; indent by spaces, YAML takes no tabs" if r"'\t'" in what else ""
+        if "<block" in what or "mapping values" in what:
+            hint = "; fields of one level begin in one column, and have a space after the colon"
         raise error(f"{source}{where}: not valid YAML: {one_line(what)}{hint}") from problem
     except RecursionError as problem:
         raise error(f"{source}: not valid YAML: nested too deeply") from problem

@@ -9,6 +9,7 @@ that begin with ``#`` are skipped.
 from __future__ import annotations
 
 import csv
+import re
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,7 +19,16 @@ from typing import NoReturn
 
 import numpy as np
 
-from p3dof._base.checks import LARGEST, FloatArray, name_and_unit, one_line, units_of
+from p3dof._base.checks import (
+    LARGEST,
+    FloatArray,
+    is_number,
+    name_and_unit,
+    one_line,
+    require_commas,
+    units_of,
+    with_point,
+)
 from p3dof._base.errors import MotionError
 from p3dof._base.files import numbers_of_lines, table_lines
 from p3dof._base.time_series.times import is_of_clock
@@ -100,7 +110,9 @@ def _read_with_care(
     numbers = array("d")
     for line, row in rows:
         if len(row) != len(header):
-            raise MotionError(f"{source}, line {line}: expected {len(header)} columns, got {len(row)}")
+            told = "; decimals are written with a point" if len(row) > len(header) else ""
+            told = "; commas stand between the columns" if ";" in row[0] else told
+            raise MotionError(f"{source}, line {line}: expected {len(header)} columns, got {len(row)}{told}")
         try:
             numbers.extend([float(field) for field in row])
         except ValueError:
@@ -181,15 +193,17 @@ def _line_of(index: int, text: str) -> int:
 
 def _header(header: list[str], where: str, form: Form) -> list[tuple[float, float]]:
     """Check the names; return what to multiply each column by, and divide it by, to reach SI units."""
-    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
-        if len(header) == 1 and separator in header[0]:
-            raise MotionError(f"{where}: expected commas between the columns, got {word}")
+    require_commas(header, where, MotionError)
     fields = [name_and_unit(field) for field in header]
     for number, (name, _) in enumerate(fields, start=1):
         expected = form.names[number - 1] if number <= len(form.names) else "no more columns"
         if name != expected:
+            bracket = re.match(rf"{re.escape(expected)} *\((.+)\)", name)
+            told = f"; a unit is in square brackets: {expected} [{bracket[1]:.20}]" if bracket else ""
+            told = "; a first line names the columns" if is_number(name) else told
+            told = "; a comma too many?" if not name else told
             raise MotionError(
-                f"{where}, column {number}: expected {expected}, got {name!r:.40} ({form.rule})"
+                f"{where}, column {number}: expected {expected}, got {name!r:.40} ({form.rule}){told}"
             )
     if len(fields) not in form.counts:
         raise MotionError(f"{where}: expected {form.rule}, got only {','.join(name for name, _ in fields)}")
@@ -210,14 +224,6 @@ def _factor(name: str, unit: str | None, where: str, form: Form) -> tuple[float,
 
 def _name_the_field(row: list[str], where: str, form: Form) -> NoReturn:
     """Raise for the first field that is not a number."""
-    name, field = next(pair for pair in zip(form.names, row, strict=False) if not _is_number(pair[1]))
+    name, field = next(pair for pair in zip(form.names, row, strict=False) if not is_number(pair[1]))
     got = repr(field.strip())[:40] if field.strip() else "nothing"
-    raise MotionError(f"{where}, column {name}: expected a number, got {got}")
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field and field.isascii()
+    raise MotionError(f"{where}, column {name}: expected a number, got {got}{with_point(field)}")

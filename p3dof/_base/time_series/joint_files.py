@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import ANGLES, LENGTHS, FloatArray
+from p3dof._base.checks import ANGLES, LENGTHS, FloatArray, warn_caller
 from p3dof._base.errors import MotionError
 from p3dof._base.time_series.csv_files import Form, header_of, parse
 from p3dof._base.time_series.smoothing import (
@@ -91,6 +91,10 @@ class JointCurve:
         return interpolating(self.time, self.values, ORDER)
 
 
+_DEGREES = 1e4
+"""Values of a hinge that are all beyond a turn in rad, and below this, may be degrees."""
+
+
 def read_joints(
     text: str, source: str, joints: Sequence[str], sliding: Sequence[bool], smooth: Smooth = None
 ) -> JointCurve:
@@ -106,6 +110,10 @@ def read_joints(
     form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order")
     time, values, start = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
+    for name, column in zip(joints, values.T, strict=True):
+        least, most = np.abs(column).min(), np.abs(column).max()
+        if not kinds[name] and 2 * np.pi < least and most < _DEGREES and f"{name} [" not in text:
+            warn_caller(f"{source}: {name} is beyond a turn in rad (degrees? then name it {name} [deg])")
     curve = JointCurve(time, values, start, smooth)
     with np.errstate(all="ignore"):
         found = curve.at(time)

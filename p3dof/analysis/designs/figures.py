@@ -38,7 +38,7 @@ from p3dof.closed_form.compiled.formulas import ACCELERATION, MODEL, POSE, VELOC
 from p3dof.closed_form.compiled.reduced import Model, State
 from p3dof.closed_form.compiled.reduced.dynamics import generalized_friction
 from p3dof.closed_form.kinematics.validity import reach_margins, reached
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 
 INPUTS = (*POSE, *VELOCITY, *ACCELERATION, *WRENCH)
 
@@ -196,8 +196,7 @@ class Samples:
 
 def samples_of(motion: Motion, wrench: WrenchOverTime = None) -> Samples:
     """Return a motion and a load as samples."""
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    require_motion(motion)
     if len(motion) > MOST_SAMPLES:
         raise InputError(f"motion: expected at most {MOST_SAMPLES} samples for designs, got {len(motion)}")
     rows = [*motion.pose.T, *motion.velocity.T, *motion.acceleration.T]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base import files
-from p3dof._base.checks import FloatArray, one_line, real, shown, unknown_field
+from p3dof._base.checks import FloatArray, is_number, one_line, real, require_commas, shown, unknown_field
 from p3dof._base.errors import FileError, InputError, MissingExtraError, MotionError, ParameterError
 from p3dof._base.files.archives import READ, WRITE, damage_told, pyarrow
 from p3dof._base.quantities import Quantity
@@ -123,9 +123,7 @@ def _header(line: str, name: str, meaning: Meaning) -> list[str]:
     if not line:
         raise InputError(f"{name}: expected the names of columns first, got an empty file")
     fields = [field.strip() for field in next(csv.reader([line]))]
-    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
-        if len(fields) == 1 and separator in fields[0]:
-            raise InputError(f"{name}: expected commas between the columns, got {word}")
+    require_commas(fields, name, InputError)
     _check_names(fields, name, meaning)
     return fields
 
@@ -150,7 +148,7 @@ def _bare(error: InputError) -> str:
 
 def require_header(fields: Sequence[str], name: str) -> None:
     """Raise `InputError` if the first line of a table has numbers where names of columns belong."""
-    if fields and all(_is_number(field) for field in fields):
+    if fields and all(is_number(field) for field in fields):
         raise InputError(
             f"{name}: the first line has numbers only; expected the names of the columns there, such as "
             "R [mm],platform.mass"
@@ -201,18 +199,10 @@ def _name_the_field(
         if len(fields) != len(header):
             raise InputError(f"{where}: expected {len(header)} columns, got {len(fields)}")
         for column, field in zip(header, fields, strict=True):
-            if not _is_number(field):
+            if not is_number(field):
                 got = repr(one_line(field.strip(), _SHOWN)) if field.strip() else "nothing"
                 raise InputError(f"{where}, column {one_line(column)}: expected a number, got {got}")
     raise InputError(f"{name}, rows {first} to {first + len(taken) - 1}: not valid CSV")
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field)
-    except ValueError:
-        return False
-    return "_" not in field and field.isascii()
 
 
 def _read_parquet(source: Any, name: str, rows: int, meaning: Meaning) -> Iterator[Rows]:

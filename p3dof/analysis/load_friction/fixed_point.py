@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Progress, shown
+from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DynamicsError, InputError
 from p3dof._base.samples import OnInvalid
 from p3dof.analysis.load_friction.contacts import LoadFriction, limits_of, loads_of, with_screws
@@ -52,8 +52,7 @@ def over_motion(
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
 ) -> LoadFrictionEffect:
     """Return the forces over a motion with friction that depends on the loads of the joints."""
-    if not isinstance(friction, LoadFriction):
-        raise InputError(f"load_friction: expected a LoadFriction, got {shown(friction)}")
+    require("load_friction", friction, LoadFriction)
     states = states_over(motion, wrench, on_invalid)
     against = _way_of(method, loop, parameters, states)
     solution, crossings = without_crossings(motion, dynamics.solve(states, progress), on_invalid)

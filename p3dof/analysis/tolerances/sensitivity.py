@@ -40,7 +40,7 @@ from p3dof.analysis.tolerances.directions import (
 from p3dof.analysis.tolerances.draws import Draws
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.machine.parameters import Parameters
 
 OnMissing: TypeAlias = Literal["raise", "drop"]
@@ -409,8 +409,7 @@ def sensitivity(
     """
     if method not in get_args(SensitivityMethod):
         raise InputError(f"method: expected 'sobol' or 'gradient', got {shown(method)}")
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    motion = require_motion(motion)
     machine = parameters_of(robot)
     if bodies not in get_args(BodiesOfDesigns):
         raise InputError(f"bodies: expected 'kept' or 'solids', got {shown(bodies)}")

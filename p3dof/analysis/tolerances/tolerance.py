@@ -43,7 +43,7 @@ from p3dof.analysis.tolerances.draws import Draws, Spread, drawn_forces, drawn_p
 from p3dof.analysis.tolerances.pose import ForceCase, checked_pose, first_order, require_possible, sigmas_of
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance, ToleranceMethod
 from p3dof.analysis.tolerances.sensitivity import LocalSensitivity, SobolIndices
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.machine.parameters import Parameters
 
 MOST_MACHINES = 10**7
@@ -138,8 +138,7 @@ def tolerance(
         poses = checked_pose(machine.geometry, pose)
         linear = first_order_pose(machine.geometry, poses, names, sizes, most)
         return linear if method == "gradient" else drawn_poses(machine.geometry, linear, draws)
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    require_motion(motion)
     case = _force_case(machine, motion, sigma, bodies, fixed, wrench, most)
     require_possible(case)
     return first_order(case) if method == "gradient" else drawn_forces(case, draws)

@@ -23,7 +23,7 @@ from p3dof.cli.app import FAILED
 from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, protect, write_results
 from p3dof.cli.kinds import options
 from p3dof.cli.loop import loop
-from p3dof.cli.output import in_options, print_warnings, print_written, show
+from p3dof.cli.output import in_options, print_warnings, print_written, say, show
 from p3dof.loops import Assembly, ClosedLoopModel, load_robot
 from p3dof.loops.compiled.kept import ROBOT_METHODS
 from p3dof.loops.sidecar import suggestion
@@ -81,6 +81,9 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
                 srdf_file=srdf,
                 on_unknown="ignore" if ignore_unknown else "raise",
             )
+        if sidecar is None and file.suffix == ".urdf" and not robot.constraint_rows and robot.actuated:
+            beside = file.with_suffix(".yaml").name
+            say(f"{file}: read as an open tree: no sidecar {beside} beside it closes its loops")
         return command(robot=robot, inputs=inputs, **others)
 
     found: Callable[..., Any] = _ROBOT(run)
@@ -169,6 +172,8 @@ def _set(
             raise InputError(str(error)) from error
         if not np.isfinite(number):
             raise InputError(f"{option} {name}: expected a finite number, got {shown(value)}")
+        if quantity is ANGLE and abs(number) > 2 * np.pi and not value.strip(" .+-eE0123456789"):
+            say(f"{option} {name}: {number:g} rad is more than a turn (degrees? then write '{number:g} deg')")
         result[index] = number
     return result
 

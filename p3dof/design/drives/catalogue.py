@@ -31,7 +31,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
-from p3dof._base.checks import Readable, shown
+from p3dof._base.checks import Readable, shown, warn_caller
 from p3dof._base.errors import DriveError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import INERTIA, LENGTH, MOMENT, POWER, ROTATION, TIME, Quantity
@@ -115,9 +115,37 @@ def read_catalogue(path: Source) -> Catalogue:
         raise DriveError(str(error)) from error
     try:
         gears = parts["gears"] or [Gear()]
-        return Catalogue(parts["motors"], [*parts["screws"], *parts["belts"]], gears)
+        found = Catalogue(parts["motors"], [*parts["screws"], *parts["belts"]], gears)
     except DriveError as error:
         raise DriveError(f"{source}: {error}") from error
+    _doubt(found, source)
+    return found
+
+
+def _doubt(catalogue: Catalogue, source: str) -> None:
+    """Warn of numbers that seem to be in another unit: of the first part that has any."""
+    for part in (*catalogue.motors, *catalogue.transmissions):
+        told = [
+            f"{name} = {value:g} {unit} ({other}?)"
+            for name, (most, unit, other) in _MOST_OF.items()
+            if (value := getattr(part, name, None)) is not None and most < value < math.inf
+        ]
+        if isinstance(part, Motor) and part.inertia > _SLUGGISH * part.peak_torque:
+            told.append(f"inertia = {part.inertia:g} kg m^2 (kg cm^2?)")
+        if told:
+            return warn_caller(
+                f"{source}: {part.name}: {'; '.join(told)}: a number without a unit is in SI units"
+            )
+    return None
+
+
+_MOST_OF = {
+    "max_speed": (2500.0, "rad/s", "rpm"), "lead": (1.0, "m", "mm"), "diameter": (1.0, "m", "mm"),
+    "length": (50.0, "m", "mm"),
+}  # fmt: skip
+"""Numbers of motors, screws and belts that are believed, with their unit and the one that may be meant."""
+_SLUGGISH = 0.02
+"""Rotor inertia by peak torque that is believed [s²]: no motor needs a second to 50 rad/s."""
 
 
 def _parts(data: Any, kind: str, where: str) -> list[Any]:

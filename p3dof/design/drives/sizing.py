@@ -18,7 +18,7 @@ from typing import Protocol
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, FrozenArrays, Readable, frozen_array, not_negative, shown
+from p3dof._base.checks import FloatArray, FrozenArrays, Readable, frozen_array, not_negative, require
 from p3dof._base.errors import DriveError
 from p3dof.design.drives.motor import above_zero
 from p3dof.design.drives.transmission import Drive
@@ -206,8 +206,7 @@ def size_of(
     `held`: largest forces that brakes must hold, over the poses of the task, without friction [N]; those at
     rest in the cycle without it.
     """
-    if not isinstance(cycle, Cycle):
-        raise DriveError(f"cycle: expected a Cycle, got {shown(cycle)}")
+    require("cycle", cycle, Cycle, DriveError)
     chosen = (drives,) * 3 if isinstance(drives, Drive) else tuple(drives)
     if len(chosen) != 3 or not all(isinstance(drive, Drive) for drive in chosen):
         raise DriveError("drives: expected one Drive, or those of A, B and C")

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from p3dof._base.checks import shown
+from p3dof._base.checks import shown, warn_caller
 from p3dof._base.errors import ParameterError, TaskError
 from p3dof._base.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
 from p3dof._base.quantities import ANGLE, FORCE, JERK, LENGTH, MASS, MOMENT, POWER, SPEED, TIME, Quantity
@@ -71,6 +71,10 @@ _LIMITS: Mapping[str, Quantity] = {
     "nut_force": FORCE,
 }
 _PLAIN: Mapping[str, Quantity] = {"blend": LENGTH, "dwell": TIME, "duration": TIME}
+
+
+_LONG = 60.0
+"""Times of a waypoint above this may be in ms [s]."""
 
 
 def read_task(path: Source) -> Task:
@@ -175,6 +179,8 @@ def _waypoint(data: Any, where: str) -> Waypoint:
         place = f"{where}: {key}"
         if key in _PLAIN:
             values[key] = _PLAIN[key].read(value, place)
+            if key != "blend" and isinstance(value, int | float) and value > _LONG:
+                warn_caller(f"{place} = {value:g} s (ms? then write '{value:g} ms')")
         elif key in _ROWS:
             values[key] = _row(value, _ROWS[key], place)
         else:

@@ -182,7 +182,9 @@ class Task(Readable):
         if duration is None:
             if free.any():
                 stop = self.names[self.stretches[int(np.argmax(free))][1]]
-                raise TaskError(f"duration: expected that of the whole task, since {stop} has none")
+                raise TaskError(
+                    f"duration: expected that of the whole task, since {stop} has none of its own"
+                )
             return times
         total = positive("duration", duration, TaskError)
         if not free.any():

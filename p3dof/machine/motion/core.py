@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, positive, shown
-from p3dof._base.errors import MotionError
+from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text, suffix_of, write_atomic
 from p3dof._base.tables import ShownInNotebook
 from p3dof._base.time_series import csv_files, smoothing
@@ -506,6 +506,14 @@ def load_along(history: WrenchHistory, motion: Motion, ramp: float) -> WrenchHis
         np.concatenate([history(begin + phase), history(begin + later)]),
         0.0,
     )
+
+
+def require_motion(value: object, name: str = "motion") -> Motion:
+    """Return a motion; or raise, and say what makes one."""
+    if not isinstance(value, Motion):
+        made = "from_csv reads a file" if isinstance(value, str | os.PathLike) else "from_poses takes poses"
+        raise InputError(f"{name}: expected a Motion, got {shown(value)}; p3dof.Motion.{made}")
+    return value
 
 
 def paper_motion(samples: int = 1001) -> Motion:

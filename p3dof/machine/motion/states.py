@@ -17,7 +17,7 @@ from p3dof._base.checks import FloatArray, batch_of
 from p3dof._base.errors import InputError
 from p3dof._base.samples import POLICIES, OnInvalid, check_policy, raise_not_finite, wrench_like
 from p3dof._base.time_series.wrenches import Load, WrenchOverTime
-from p3dof.machine.motion.core import Motion
+from p3dof.machine.motion.core import Motion, require_motion
 
 _ZERO = np.zeros(3)
 _ZERO.setflags(write=False)
@@ -137,8 +137,7 @@ def states_of(
 
 def states_over(motion: Motion, wrench: WrenchOverTime = None, on_invalid: OnInvalid = "raise") -> States:
     """Return the states of a motion, whose numbers were checked when it was made."""
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
+    require_motion(motion)
     if on_invalid not in POLICIES:
         check_policy(on_invalid)
     count, loads = len(motion.time), None

@@ -137,6 +137,8 @@ def steiner(offset: FloatArray) -> FloatArray:
 def _matrix(inertia: ArrayLike) -> FloatArray:
     """Return a diagonal given as three numbers as a matrix; anything else as it is."""
     array = as_floats("inertia", inertia, ParameterError)
+    if array.shape not in ((3,), (3, 3)):
+        raise ParameterError(f"inertia: expected three numbers, or 3 x 3 of them, got shape {array.shape}")
     return np.diag(array) if array.shape == (3,) else array
 
 

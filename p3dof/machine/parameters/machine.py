@@ -49,6 +49,7 @@ refused unless the caller says ``any_size``.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -56,7 +57,15 @@ from typing import Any, TypeVar
 
 import yaml
 
-from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, shown, unknown_field, warn_caller
+from p3dof._base.checks import (
+    FloatArray,
+    FrozenArrays,
+    frozen_array,
+    got_of,
+    shown,
+    unknown_field,
+    warn_caller,
+)
 from p3dof._base.errors import P3dofError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
 from p3dof._base.quantities import (
@@ -81,13 +90,15 @@ from p3dof.machine.parameters.body import LINKS, SLIDES, Bodies, Body
 from p3dof.machine.parameters.solids import KINDS, STEEL_DENSITY, Dimensions, bodies_of_solids
 
 _ANYWAY = "--any-size, or any_size=True, takes it as it is"
-_METRES = f"lengths are in metres; did you mean mm? Write '120 mm' ({_ANYWAY})"
+_METRES = f"lengths are in metres; did you mean '{{:g}} mm'? ({_ANYWAY})"
 LARGEST, SMALLEST = 20.0, 1e-3
 """Largest and smallest machine that is believed, by its longest length [m]."""
 _THIN, _FAR, _WIDE, _BEYOND = 1e-3, 3.0, 1.5, 10.0
 """Masses that are believed: by (R + L)³ [kg/m³], at least [kg], by all other bodies, a payload by these."""
 _DENSEST, _LIGHT, _OTHERS, _HEAVY = 2e4, 100.0, 100.0, 40.0
 """Masses that are believed: by (R + L)³ [kg/m³], always [kg], by all other bodies, of a payload by these."""
+_LIGHTEST, _NONE = 20.0, 1e5
+"""Density that is believed of a whole machine [kg/m³]; what a limit is that stands for none."""
 _GEOMETRY = dict.fromkeys(("r", "R", "L", "b"), LENGTH)
 _LIMITS = {"travel": LENGTH, "speed": SPEED, "force": FORCE, "tilt": ANGLE}
 _BODY = {"mass": MASS, "com": LENGTH, "inertia": INERTIA, "about": LENGTH}
@@ -127,7 +138,7 @@ def require_near(body: Body, where: str) -> None:
     """Raise if a mass centre is so far away that millimetres were meant."""
     far = float(abs(body.com).max())
     if far > LARGEST:
-        raise ParameterError(f"{where}: {far:g} m is more than {LARGEST:g} m: {_METRES}")
+        raise ParameterError(f"{where}: {far:g} m is more than {LARGEST:g} m: {_METRES.format(far)}")
 
 
 def doubt(machine: Parameters, where: str = "") -> None:
@@ -143,6 +154,14 @@ def doubt(machine: Parameters, where: str = "") -> None:
         for name, length in geometry.items()
         if length < _THIN * longest
     ]
+    for name, most, unit, other in (
+        ("travel", max(10.0, _FAR * size), "m", "mm"),
+        ("tilt", 2 * math.pi, "rad", "degrees"),
+        ("speed", 100.0, "m/s", "mm/s"),
+    ):
+        limit = getattr(machine.limits, name)
+        if most < (far := limit if name == "speed" else max(map(abs, limit))) < _NONE:
+            told.append(f"limits.{name} = {far:g} {unit} ({other}?)")
     name, body = max(bodies.items(), key=lambda item: item[1].mass)
     if bodies.mass > max(_LIGHT, _DENSEST * size**3) or body.mass > max(
         _LIGHT, _OTHERS * (bodies.mass - body.mass)
@@ -161,14 +180,15 @@ def doubt(machine: Parameters, where: str = "") -> None:
                 raise ParameterError(f"{where}{words}: no such body is; did you mean kg mm^2? ({_ANYWAY})")
             told.append(f"{words} (kg mm^2?)")
     if told:
-        warn_caller(f"{where}{'; '.join(told)}: units are m, kg, kg m^2 ({_ANYWAY})")
+        warn_caller(f"{where}{'; '.join(told)}: units are m, kg, rad, kg m^2 ({_ANYWAY})")
 
 
 def _require_size(geometry: Geometry, where: str) -> None:
     """Raise if lengths are so large or so small that another unit was meant."""
     name, longest = max(asdict(geometry).items(), key=lambda item: float(item[1]))
     if longest > LARGEST:
-        raise ParameterError(f"{where}: {name} = {longest:g} m is more than {LARGEST:g} m: {_METRES}")
+        told = _METRES.format(longest)
+        raise ParameterError(f"{where}: {name} = {longest:g} m is more than {LARGEST:g} m: {told}")
     if longest < SMALLEST:
         raise ParameterError(
             f"{where}: the longest length, {name} = {longest:g} m, is less than {SMALLEST:g} m: "
@@ -195,6 +215,8 @@ def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies 
         }
     else:
         density = MASS_DENSITY.read(density, f"{source}: density")
+    if not isinstance(density, Mapping) and density < _LIGHTEST:
+        warn_caller(f"{source}: density = {density:g} kg/m^3 (g/cm^3?)")
     whole = named(source, lambda: asdict(Dimensions.scaled(geometry)))
     given = data.get("dimensions", {})
     sizes = {**whole, **given} if isinstance(given, Mapping) else given
@@ -203,6 +225,10 @@ def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies 
 
 
 def _bodies(data: Any, where: str) -> Bodies:
+    if isinstance(data, str):
+        raise ParameterError(
+            f"{where}: expected 'solids', or mass, com and inertia of each, got {shown(data)}"
+        )
     kinds = isinstance(data, Mapping) and not set(data) - set(KINDS)
     names = KINDS if kinds else LINKS
     data = read_fields(data, where, required=names)
@@ -288,7 +314,7 @@ def read_fields(
     required = list(required)
     known = [*required, *(name for name in optional if name not in required)]
     if not isinstance(data, Mapping):
-        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {_kind(data)}")
+        raise ParameterError(f"{where}: expected the fields {', '.join(known)}, got {got_of(data)}")
     unknown = [str(key) for key in data if key not in known]
     if unknown:
         raise ParameterError(f"{where}: {unknown_field(unknown[0], data, known)}")
@@ -296,10 +322,6 @@ def read_fields(
     if missing:
         raise ParameterError(f"{where}: the field {missing[0]!r} is missing")
     return data
-
-
-def _kind(value: Any) -> str:
-    return "nothing" if value is None else shown(value)
 
 
 def named(where: str, make: Callable[[], _T]) -> _T:

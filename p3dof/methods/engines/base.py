@@ -18,7 +18,7 @@ from p3dof._base.errors import DynamicsError, InputError, MissingExtraError
 from p3dof.closed_form import kinematics
 from p3dof.machine import description
 from p3dof.machine.description import Joint, JointLimits, Mechanism, Placement
-from p3dof.machine.motion import Motion, WrenchOverTime, states_over
+from p3dof.machine.motion import Motion, WrenchOverTime, require_motion, states_over
 from p3dof.machine.parameters import PAPER, Parameters
 
 
@@ -44,8 +44,7 @@ def check_machine(parameters: object) -> None:
 
 def check_motion(motion: object) -> None:
     """Raise unless something is a motion."""
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {type(motion).__name__}")
+    require_motion(motion)
 
 
 def library(module: str, engine: str) -> Any:

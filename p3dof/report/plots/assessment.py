@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof._base.checks import shown
-from p3dof._base.errors import InputError
+from p3dof._base.checks import require
 from p3dof._base.tables import percent
 from p3dof.design.assessment import Assessment
 from p3dof.design.forces_of_tasks import TaskForces
@@ -115,5 +114,4 @@ def _mark(axis: Axes, found: Assessment, named: bool) -> None:
 
 
 def _require(found: Assessment) -> None:
-    if not isinstance(found, Assessment):
-        raise InputError(f"found: expected an Assessment, got {shown(found)}")
+    require("found", found, Assessment)

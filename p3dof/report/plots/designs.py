@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from p3dof._base.blocks import Counts, Histogram, ParetoArchive, Reduction, Rows, Sweep
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
 from p3dof.analysis.designs import DesignForces, Designs
 from p3dof.analysis.designs.columns import QUANTITIES, column_of
@@ -84,8 +84,7 @@ _LINES = ("-", "--", "-.", ":")
 
 def comparison_figure(found: DesignComparison) -> Figure:
     """Draw the forces and speeds of A, B and C of all designs over time, those of one axis in one panel."""
-    if not isinstance(found, DesignComparison):
-        raise InputError(f"found: expected a DesignComparison, got {shown(found)}")
+    require("found", found, DesignComparison)
     figure = new_figure(figsize=(10.2, 7.4))
     panels = figure.subplots(3, 2, sharex=True)
     for k, one in enumerate(found.assessments):
@@ -179,8 +178,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     InputError, MissingExtraError
         If `sweep` is something else, or has none of both; if matplotlib is not installed.
     """
-    if not isinstance(sweep, Sweep):
-        raise InputError(f"sweep: expected a Sweep, got {shown(sweep)}")
+    require("sweep", sweep, Sweep)
     chosen = require_panels(sweep.manifest.reductions)[:MOST]
     panels = [(reduction, sweep.reductions[reduction.name]) for reduction in chosen]
     across = min(2, len(panels))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
 from p3dof.analysis.energy import Energy
 from p3dof.analysis.reactions import JOINTS, AnyReactions
@@ -193,8 +193,7 @@ def energy_figure(energy: Energy) -> Figure:
     InputError, MissingExtraError
         If `energy` is something else, or none of its samples is valid; if matplotlib is not installed.
     """
-    if not isinstance(energy, Energy):
-        raise InputError(f"energy: expected an Energy, got {shown(energy)}")
+    require("energy", energy, Energy)
     if not energy.valid.any():
         raise InputError("energy: expected at least one valid sample, got none")
     figure = new_figure(figsize=(9.6, 8.4))

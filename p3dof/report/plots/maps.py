@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, frozen_array, require
 from p3dof._base.errors import InputError
 from p3dof.analysis.indices import COLUMNS, check_names, columns_of
 from p3dof.analysis.workspace import Workspace, aspect_range
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.report.plots.common import few_ticks, new_figure
 
 if TYPE_CHECKING:
@@ -154,10 +154,9 @@ def loci_figure(workspace: Workspace, motion: Motion | None = None) -> Figure:
 
 
 def _require(workspace: Any, motion: Any) -> None:
-    if not isinstance(workspace, Workspace):
-        raise InputError(f"workspace: expected a Workspace, got {shown(workspace)}")
-    if not isinstance(motion, Motion | None):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    require("workspace", workspace, Workspace)
+    if motion is not None:
+        require_motion(motion)
 
 
 def _title(name: str) -> str:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
-from p3dof._base.errors import InputError
+from p3dof._base.checks import FloatArray, frozen_array, require
 from p3dof.analysis.reactions import JOINTS
 from p3dof.machine.description import Box, Cylinder, Link, Mechanism, Solid, Sphere
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.machine.parameters import PLATFORM
 from p3dof.manipulator import Manipulator
 from p3dof.report.plots.common import new_figure
@@ -449,10 +448,9 @@ def mechanism_figure(
     InputError, MissingExtraError
         If an argument does not fit; if matplotlib is not installed.
     """
-    if not isinstance(robot, Manipulator):
-        raise InputError(f"robot: expected a Manipulator, got {shown(robot)}")
-    if motion is not None and not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    require("robot", robot, Manipulator)
+    if motion is not None:
+        require_motion(motion)
     pose = frozen_array("pose", pose, (3,))
     scene = _scene(robot, pose, motion)
     sheet = Sheet(*(_extent(scene, view) for view in VIEWS))

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
-from p3dof._base.errors import InputError
+from p3dof._base.checks import FloatArray, require
 from p3dof.design.optimisation import Front, Optimum
 from p3dof.report.plots.common import COLOURS, new_figure, tidy
 
@@ -20,8 +19,7 @@ _START: dict[str, Any] = {"marker": "D", "ms": 6, "ls": "none", "color": "0.15",
 
 def optimum_figure(optimum: Optimum) -> Figure:
     """Draw how the objective depends on each variable at an optimum and at the start, and all margins."""
-    if not isinstance(optimum, Optimum):
-        raise InputError(f"optimum: expected an Optimum, got {shown(optimum)}")
+    require("optimum", optimum, Optimum)
     rows = max(len(optimum.design), len(optimum.problem.constraints))
     figure = new_figure(figsize=(9.6, 1.6 + 0.34 * rows))
     left, right = figure.subplots(1, 2)
@@ -88,8 +86,7 @@ def front_figure(front: Front) -> Figure:
     InputError, MissingExtraError
         If `front` is something else; if matplotlib is not installed.
     """
-    if not isinstance(front, Front):
-        raise InputError(f"front: expected a Front, got {shown(front)}")
+    require("front", front, Front)
     figure = new_figure(figsize=(8.4, 7.2))
     upper, lower = figure.subplots(2, 1)
     _draw_front(figure, upper, front)

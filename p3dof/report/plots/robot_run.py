@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof._base.checks import shown
-from p3dof._base.errors import InputError
+from p3dof._base.checks import require
 from p3dof.loops.tables import is_slide
 from p3dof.report.plots.common import new_figure, tidy
 from p3dof.runs import RobotRun
@@ -44,8 +43,7 @@ def robot_run_figure(run: RobotRun) -> Figure:
     InputError, MissingExtraError
         If `run` is something else; if matplotlib is not installed.
     """
-    if not isinstance(run, RobotRun):
-        raise InputError(f"run: expected a RobotRun, got {shown(run)}")
+    require("run", run, RobotRun)
     groups = _groups(run)
     figure = new_figure(figsize=(11.0, 3.0 * (len(groups) + 1)))
     axes = figure.subplots(len(groups) + 1, 2, sharex=True)

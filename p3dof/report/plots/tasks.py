@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
 from p3dof.design.balance import BestBalance
 from p3dof.design.drives import Cycle, Sizing
@@ -180,8 +180,7 @@ def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
 
 def balance_figure(found: BestBalance) -> Figure:
     """Draw the actuator forces without and with a counterbalance, and their root mean squares."""
-    if not isinstance(found, BestBalance):
-        raise InputError(f"found: expected a BestBalance, got {shown(found)}")
+    require("found", found, BestBalance)
     figure = new_figure(figsize=(8.4, 7.2))
     panels = figure.subplots(3, 1, sharex=True)
     for k, (axis, leg) in enumerate(zip(panels, LEGS, strict=True)):

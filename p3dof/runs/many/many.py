@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, Progress, frozen_array, positive, shown, whole
+from p3dof._base.checks import FloatArray, Progress, positive, shown, whole
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.closed_form.compiled.kernels import NUMPY, MachineKernels
 from p3dof.closed_form.compiled.many import HISTORY_WIDTH, RESULTS
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.machine.parameters import Parameters
 from p3dof.runs import (
     AT_HOME,
@@ -27,6 +27,7 @@ from p3dof.runs import (
     Integration,
     Springs,
 )
+from p3dof.runs.actuation import constant_forces
 from p3dof.runs.controllers import ControllerLike
 from p3dof.runs.many.columns import GAINS, RunColumns
 from p3dof.runs.many.plan import CAREFULLY, SharedTask, why_not
@@ -190,12 +191,12 @@ def _task(
     kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Sequence) else list(stop_at)
     if isinstance(stop_at, str) or any(kind not in KINDS for kind in kinds):
         raise InputError(f"stop_at: expected a list of {', '.join(KINDS)}, got {shown(stop_at)}")
-    if reference is not None and not isinstance(reference, Motion):
-        raise InputError(f"reference: expected a Motion, got {shown(reference)}")
+    if reference is not None:
+        require_motion(reference, "reference")
     if isinstance(controller, type):
         raise InputError(f"controller: expected an object, got the class {controller.__name__}")
     if controller is not None and not callable(controller):
-        controller = frozen_array("controller", controller, (3,))
+        controller = constant_forces(controller, 3)
     if isinstance(controller, PD) and control.rate is None:
         raise InputError(
             "control: many runs under this controller need a control rate, ControlLoop(rate=...)"

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, shown
+from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
 from p3dof._base.version import __version__
 from p3dof.loops import ClosedLoopModel
@@ -174,8 +174,7 @@ def robot_hash(loop: ClosedLoopModel) -> str:
 
 
 def _check(loop: object, runs: object, title: object, engine: object, triangles: object) -> None:
-    if not isinstance(loop, ClosedLoopModel):
-        raise InputError(f"robot: expected a ClosedLoopModel, got {shown(loop)}")
+    require("robot", loop, ClosedLoopModel)
     check_asked(runs, "" if title is None else title)
     if engine not in ("ask", "none"):
         raise InputError(f"engine: expected 'ask' or 'none', got {shown(engine)}")

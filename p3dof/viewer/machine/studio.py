@@ -23,7 +23,7 @@ from p3dof.analysis.indices import COLUMNS, DEFINITIONS, Indices
 from p3dof.analysis.indices.results import IndicesMachine as WithIndices
 from p3dof.analysis.workspace.margins import WorkspaceMachine as WithWorkspace
 from p3dof.analysis.workspace.workspace import Workspace
-from p3dof.machine.motion import Motion
+from p3dof.machine.motion import Motion, require_motion
 from p3dof.viewer.document.html import as_script, filled, template
 
 INDICES = (
@@ -184,8 +184,7 @@ def _index(at: Indices, column: str) -> dict[str, Any]:
 
 
 def _path(motion: Motion) -> dict[str, Any]:
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion: expected a Motion, got {shown(motion)}")
+    require_motion(motion)
     places = np.column_stack([motion.pose[:, 0], np.degrees(motion.pose[:, 2])])
     return {"time": _plain(motion.time), "points": [_plain(point) for point in places]}
 
