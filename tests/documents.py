@@ -52,11 +52,32 @@ def commands(page: Path) -> list[str]:
     return [line for line in lines if _COMMAND.match(line)]
 
 
-def run(page: Path, folder: Path) -> dict[str, object]:
-    """Run a page in a folder that is the working directory; return the names of its Python session."""
-    shutil.copytree(ROOT / "urdf", folder / "urdf")
-    shutil.copytree(ROOT / "docs/_static/gallery", folder / "gallery")
-    (folder / "out").mkdir()
+def begin_with(reader: str) -> list[Path]:
+    """The pages that the README names first for a reader, by the words in bold of its list."""
+    readers = (ROOT / "README.md").read_text(encoding="utf-8").partition("## For whom")[2].split("\n* **")
+    (words,) = [words for words in readers if words.startswith(f"{reader}**")]
+    return [ROOT / link for link in re.findall(r"\]\(([\w/.-]+\.md)\)", words.partition("\n\n")[0])]
+
+
+READERS = (
+    "You have the paper",
+    "You have a part to move",
+    "You control the machine",
+    "You have another closed-loop robot",
+)
+WALKED = [page for reader in READERS for page in begin_with(reader) if "in-c" not in page.stem]
+"""Pages that `test_first_hour.py` runs whole, in an empty folder."""
+
+
+def run(page: Path, folder: Path, clone: bool = True) -> dict[str, object]:
+    """Run a page in a folder that is the working directory; return the names of its Python session.
+
+    What a clone has is there, or nothing.
+    """
+    if clone:
+        shutil.copytree(ROOT / "urdf", folder / "urdf")
+        shutil.copytree(ROOT / "docs/_static/gallery", folder / "gallery")
+        (folder / "out").mkdir()
     session: dict[str, object] = {}
     for block in blocks(page):
         if block.language == "python":
