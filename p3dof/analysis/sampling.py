@@ -18,7 +18,8 @@ from p3dof._base.time_series.smoothing import between_samples
 from p3dof.analysis.energy import imbalance, work_given
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import singularity
-from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, require_motion, states_over
+from p3dof.machine.motion import Motion, WrenchHistory, WrenchOverTime, states_over
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import LEGS, Parameters
 from p3dof.methods import InverseDynamics
 from p3dof.methods.compiled import CompiledMethod

@@ -19,7 +19,8 @@ from p3dof._base.files import write_table
 from p3dof._base.samples import OnInvalid
 from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, table_of, time_text
 from p3dof.closed_form.compiled import MachineKernels
-from p3dof.machine.motion import Motion, WrenchOverTime, require_motion
+from p3dof.machine.motion import Motion, WrenchOverTime
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import LEGS, Parameters
 from p3dof.methods import InverseDynamics, Method, engines, evidence_table
 from p3dof.methods.registry import TOLERANCE, prepare

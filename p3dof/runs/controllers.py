@@ -24,7 +24,8 @@ from p3dof._base.threads import OneThread
 from p3dof._base.time_series.smoothing import hermite
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled.kernels import pose_at
-from p3dof.machine.motion import Motion, require_motion, states_of
+from p3dof.machine.motion import Motion, states_of
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import Geometry, Parameters
 from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.runs.machine_plants import Equations

@@ -38,7 +38,8 @@ from p3dof.closed_form.compiled.formulas import ACCELERATION, MODEL, POSE, VELOC
 from p3dof.closed_form.compiled.reduced import Model, State
 from p3dof.closed_form.compiled.reduced.dynamics import generalized_friction
 from p3dof.closed_form.kinematics.validity import reach_margins, reached
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 
 INPUTS = (*POSE, *VELOCITY, *ACCELERATION, *WRENCH)
 

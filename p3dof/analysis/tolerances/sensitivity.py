@@ -40,7 +40,8 @@ from p3dof.analysis.tolerances.directions import (
 from p3dof.analysis.tolerances.draws import Draws
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import Parameters
 
 OnMissing: TypeAlias = Literal["raise", "drop"]

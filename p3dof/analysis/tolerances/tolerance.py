@@ -43,7 +43,8 @@ from p3dof.analysis.tolerances.draws import Draws, Spread, drawn_forces, drawn_p
 from p3dof.analysis.tolerances.pose import ForceCase, checked_pose, first_order, require_possible, sigmas_of
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance, ToleranceMethod
 from p3dof.analysis.tolerances.sensitivity import LocalSensitivity, SobolIndices
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import Parameters
 
 MOST_MACHINES = 10**7

@@ -2,7 +2,7 @@
 
 from p3dof._base.time_series.smoothing import SmoothingFit
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
-from p3dof.machine.motion.core import Motion, paper_motion, require_motion
+from p3dof.machine.motion.core import Motion, paper_motion
 from p3dof.machine.motion.curve import Curve
 from p3dof.machine.motion.states import States, states_of, states_over
 from p3dof.machine.motion.tables import motion_table
@@ -17,7 +17,6 @@ __all__ = [
     "WrenchOverTime",
     "motion_table",
     "paper_motion",
-    "require_motion",
     "states_of",
     "states_over",
 ]

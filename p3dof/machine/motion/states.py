@@ -137,7 +137,8 @@ def states_of(
 
 def states_over(motion: Motion, wrench: WrenchOverTime = None, on_invalid: OnInvalid = "raise") -> States:
     """Return the states of a motion, whose numbers were checked when it was made."""
-    require_motion(motion)
+    if type(motion) is not Motion:
+        require_motion(motion)
     if on_invalid not in POLICIES:
         check_policy(on_invalid)
     count, loads = len(motion.time), None

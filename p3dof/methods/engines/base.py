@@ -18,7 +18,8 @@ from p3dof._base.errors import DynamicsError, InputError, MissingExtraError
 from p3dof.closed_form import kinematics
 from p3dof.machine import description
 from p3dof.machine.description import Joint, JointLimits, Mechanism, Placement
-from p3dof.machine.motion import Motion, WrenchOverTime, require_motion, states_over
+from p3dof.machine.motion import Motion, WrenchOverTime, states_over
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import PAPER, Parameters
 
 

@@ -12,7 +12,8 @@ from p3dof._base.checks import FloatArray, frozen_array, require
 from p3dof._base.errors import InputError
 from p3dof.analysis.indices import COLUMNS, check_names, columns_of
 from p3dof.analysis.workspace import Workspace, aspect_range
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.report.plots.common import few_ticks, new_figure
 
 if TYPE_CHECKING:

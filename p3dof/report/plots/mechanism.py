@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, frozen_array, require
 from p3dof.analysis.reactions import JOINTS
 from p3dof.machine.description import Box, Cylinder, Link, Mechanism, Solid, Sphere
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import PLATFORM
 from p3dof.manipulator import Manipulator
 from p3dof.report.plots.common import new_figure

@@ -14,7 +14,8 @@ from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.closed_form.compiled.kernels import NUMPY, MachineKernels
 from p3dof.closed_form.compiled.many import HISTORY_WIDTH, RESULTS
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.machine.parameters import Parameters
 from p3dof.runs import (
     AT_HOME,

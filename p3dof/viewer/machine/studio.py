@@ -23,7 +23,8 @@ from p3dof.analysis.indices import COLUMNS, DEFINITIONS, Indices
 from p3dof.analysis.indices.results import IndicesMachine as WithIndices
 from p3dof.analysis.workspace.margins import WorkspaceMachine as WithWorkspace
 from p3dof.analysis.workspace.workspace import Workspace
-from p3dof.machine.motion import Motion, require_motion
+from p3dof.machine.motion import Motion
+from p3dof.machine.motion.core import require_motion
 from p3dof.viewer.document.html import as_script, filled, template
 
 INDICES = (
