@@ -246,7 +246,13 @@ def _run(arguments: Sequence[str] | None) -> int:
         try:
             return _called(arguments)
         finally:
-            sys.stderr.write("".join(_HELD))
+            tell_doubts()
+
+
+def tell_doubts() -> None:
+    """Say what is held."""
+    sys.stderr.write("".join(_HELD))
+    _HELD.clear()
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *place: Any, **others: Any) -> None:

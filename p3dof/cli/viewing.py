@@ -16,6 +16,7 @@ import click
 from rich.console import Console
 
 from p3dof._base.files import SUFFIXES, suffix_of
+from p3dof.cli.app import tell_doubts
 from p3dof.cli.kinds import Number, Whole, as_one
 from p3dof.cli.output import print_plain, progress_bar
 from p3dof.viewer.showing import FASTEST, SLOWEST
@@ -120,6 +121,7 @@ class View:
     def serve(self, make: Callable[[], Served], what: str) -> None:
         """Serve a page of something until Ctrl-C or a termination signal."""
         with until_signalled() as wait, make() as viewer:
+            tell_doubts()
             print_plain(Console(), f"{viewer.url} shows {what}; Ctrl-C ends it")
             sys.stdout.flush()
             if self.browse and has_display():

@@ -215,7 +215,7 @@ def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies 
         }
     else:
         density = MASS_DENSITY.read(density, f"{source}: density")
-    if not isinstance(density, Mapping) and density < _LIGHTEST:
+    if not isinstance(density, Mapping) and 0 < density < _LIGHTEST:
         warn_caller(f"{source}: density = {density:g} kg/m^3 (g/cm^3?)")
     whole = named(source, lambda: asdict(Dimensions.scaled(geometry)))
     given = data.get("dimensions", {})
