@@ -293,7 +293,11 @@ def _called(arguments: Sequence[str] | None) -> int:
     return int(code or 0)
 
 
-@click.group(cls=_Program, table=COMMANDS, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Program,
+    table=COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+)
 @click.option(
     "--version",
     is_flag=True,

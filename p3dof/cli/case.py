@@ -32,11 +32,7 @@ if TYPE_CHECKING:
     from p3dof.analysis.reactions import AnyReactions, Choice, Stiffness
 
 METHOD = click.option(
-    "--method",
-    type=click.Choice(METHODS),
-    default=DEFAULT_METHOD,
-    show_default=True,
-    help="Method of inverse dynamics.",
+    "--method", type=click.Choice(METHODS), default=DEFAULT_METHOD, help="Method of inverse dynamics."
 )
 STIFFNESS = click.option(
     "--stiffness", type=InputFile(), help="Stiffness of joints and rods, and assembly errors (YAML)."
@@ -71,7 +67,6 @@ _ON_INVALID = click.option(
     "--on-invalid",
     type=click.Choice(("raise", "nan")),
     default="raise",
-    show_default=True,
     help="At a sample that is out of reach or singular: stop with an error, or leave it NaN.",
 )
 

@@ -13,19 +13,11 @@ from p3dof.cli.kinds import POSITIVE, Number, Whole, options
 from p3dof.runs import Noise
 from p3dof.runs.settings import TIME_LIMIT, ControlLoop
 
-RATE = click.option(
-    "--rate", type=POSITIVE, default=1000.0, show_default=True, help="Sampling rate of the controller [Hz]."
-)
+RATE = click.option("--rate", type=POSITIVE, default=1000.0, help="Sampling rate of the controller [Hz].")
 FREQUENCY = click.option(
-    "--frequency",
-    type=POSITIVE,
-    default=5.0,
-    show_default=True,
-    help="Natural frequency of the closed loop [Hz].",
+    "--frequency", type=POSITIVE, default=5.0, help="Natural frequency of the closed loop [Hz]."
 )
-DAMPING = click.option(
-    "--damping", type=POSITIVE, default=1.0, show_default=True, help="Damping ratio of the closed loop."
-)
+DAMPING = click.option("--damping", type=POSITIVE, default=1.0, help="Damping ratio of the closed loop.")
 ACTUATION = options(
     click.option(
         "--noise",
@@ -33,9 +25,7 @@ ACTUATION = options(
         nargs=2,
         help="Standard deviations of measured positions [m or rad] and velocities of the actuated joints.",
     ),
-    click.option(
-        "--seed", type=Whole(min=0), default=0, show_default=True, help="Seed of the random numbers."
-    ),
+    click.option("--seed", type=Whole(min=0), default=0, help="Seed of the random numbers."),
     click.option(
         "--resolution",
         type=Number(min=0),
@@ -65,7 +55,6 @@ def time_limit(what: str) -> Callable[..., Any]:
         "--time-limit",
         type=POSITIVE,
         default=TIME_LIMIT,
-        show_default=True,
         help=f"Limit of the computing time of {what} [s], estimated before the start.",
     )
 

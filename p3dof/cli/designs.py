@@ -65,7 +65,7 @@ ADDRESS = "tcp://127.0.0.1:8786"
     metavar="COLUMN",
     help="Column by which all results are differentiated; repeatable.",
 )
-@click.option("--top", type=Whole(0, 1000), default=10, show_default=True, help="Number of designs to list.")
+@click.option("--top", type=Whole(0, 1000), default=10, help="Number of designs to list.")
 @click.option("--threads", type=Whole(1, 1024), help="Number of threads; by default one a processor.")
 @click.option(
     "--out",

@@ -53,7 +53,6 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
     type=click.Choice(("all", *description.FORMATS, _SCENE)),
     multiple=True,
     default=("all",),
-    show_default=True,
     help="Format to write; repeatable. glb, not part of all, is the moving machine for "
     "browsers, presentations and Blender.",
 )

@@ -134,6 +134,12 @@ _FILES = {".c", ".h", ".mjs", ".wasm", ".usda", ".json", *(end for ends in SUFFI
 """How names end that are those of files rather than of folders."""
 
 
+def out_folder(what: str, default: str = "out") -> Callable[[Any], Any]:
+    """Return --out of what writes a folder by default."""
+    words = f"Folder to write {what} to."
+    return click.option("--out", type=OutputFolder(), default=default, help=words)
+
+
 def _standard_output(param: click.Parameter | None, ctx: click.Context | None) -> Path:
     """Return `STREAM`, unless what is written there would be lost."""
     if getattr(sys.stdout, "name", None) == os.devnull:  # what stands for a stream that the caller closed
@@ -239,7 +245,6 @@ FORCE = click.option(
 CPU = click.option(
     "--cpu",
     default="native",
-    show_default=True,
     help="Processor that the Makefile compiles for, by the compiler's name (haswell, cortex-a72); native: "
     "the one where make runs; '': any of its family.",
 )

@@ -14,7 +14,7 @@ from p3dof._base.files import SUFFIXES, together
 from p3dof._base.tables import table_of
 from p3dof.cli.app import app
 from p3dof.cli.case import LOAD_FRICTION, METHOD, STIFFNESS, Case, load_friction_in, stiffness_in, with_case
-from p3dof.cli.files import OutputFolder, save_figure_if_possible, write_results
+from p3dof.cli.files import out_folder, save_figure_if_possible, write_results
 from p3dof.cli.kinds import FIGURE, Number, table_out
 from p3dof.cli.output import print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.methods import InverseDynamics, engines, evidence_table, forces_table, limits_table
@@ -163,20 +163,13 @@ class Drawings:
 
 @app.command("plots")
 @with_case
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    default="out/figures",
-    show_default=True,
-    help="Folder to write the figures to.",
-)
+@out_folder("the figures", "out/figures")
 @click.option(
     "--format",
     "formats",
     type=click.Choice(FORMATS),
     multiple=True,
     default=FORMATS[:2],
-    show_default=True,
     help="Format of the figures; repeatable.",
 )
 @click.option("--only", type=click.Choice(FIGURES), multiple=True, help="Draw only this figure; repeatable.")
@@ -211,18 +204,11 @@ def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...],
 
 @app.command()
 @with_case
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    default="out",
-    show_default=True,
-    help="Folder to write forces.csv and the figure to.",
-)
+@out_folder("forces.csv and the figure")
 @click.option(
     "--tolerance",
     type=Number(min=0),
     default=TOLERANCE,
-    show_default=True,
     help="Largest allowed difference of the two methods, relative to the largest force.",
 )
 @click.option(

@@ -32,9 +32,7 @@ _WORDS = {
 """What arguments of Python are here."""
 
 _PROBLEM = click.argument("problem", type=InputFile(), metavar="PROBLEM")
-_SEED = click.option(
-    "--seed", type=Whole(0, 2**32 - 1), default=0, show_default=True, help="Seed of the random numbers."
-)
+_SEED = click.option("--seed", type=Whole(0, 2**32 - 1), default=0, help="Seed of the random numbers.")
 _STORE = click.option(
     "--store",
     type=OutputFolder(),
@@ -83,17 +81,13 @@ _BOUNDS = click.option(
     "method",
     type=click.Choice(("slsqp", "evolution")),
     default="slsqp",
-    show_default=True,
     help="SLSQP with exact gradients from several starts, or differential evolution.",
 )
-@click.option(
-    "--starts", type=Whole(1, 10_000), default=STARTS, show_default=True, help="Number of starts of slsqp."
-)
+@click.option("--starts", type=Whole(1, 10_000), default=STARTS, help="Number of starts of slsqp.")
 @click.option(
     "--generations",
     type=Whole(1, 1_000_000),
     default=GENERATIONS,
-    show_default=True,
     help="Largest number of generations of evolutionary algorithms.",
 )
 @_SEED
@@ -170,28 +164,18 @@ def optimise(
     "method",
     type=click.Choice(("epsilon", "nsga2", "nsga3")),
     default="epsilon",
-    show_default=True,
     help="Epsilon-constraint method for two objectives, or genetic algorithms (extra 'studio').",
 )
 @click.option(
-    "--points",
-    type=Whole(2, 100_000),
-    default=POINTS,
-    show_default=True,
-    help="Number of designs on the Pareto front.",
+    "--points", type=Whole(2, 100_000), default=POINTS, help="Number of designs on the Pareto front."
 )
 @click.option(
-    "--population",
-    type=Whole(4, 1_000_000),
-    default=POPULATION,
-    show_default=True,
-    help="Population of the genetic algorithms.",
+    "--population", type=Whole(4, 1_000_000), default=POPULATION, help="Population of the genetic algorithms."
 )
 @click.option(
     "--generations",
     type=Whole(1, 1_000_000),
     default=OF_FRONT,
-    show_default=True,
     help="Largest number of generations of evolutionary algorithms.",
 )
 @_SEED

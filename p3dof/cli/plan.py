@@ -40,7 +40,6 @@ _OPTIONS = (
         "--samples",
         type=Whole(2, 1_000_000),
         default=1001,
-        show_default=True,
         help="Least number of samples between stops; dwells add a few.",
     ),
     METHOD,

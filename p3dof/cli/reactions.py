@@ -41,7 +41,6 @@ JOINTS = click.option(
     "joints",
     type=click.Choice((ALL, *WAYS)),
     default=ALL,
-    show_default=True,
     help="Model for the reactions that rigid bodies leave indeterminate: elastic joints and rods, or "
     "universal joints (paper) or spherical joints (points) between legs and platform.",
 )
@@ -159,9 +158,7 @@ def _warnings(case: Case) -> tuple[str, ...]:
 @click.argument("bearings_file", metavar="BEARINGS", type=InputFile())
 @with_load
 @with_joint_loads
-@click.option(
-    "--rest", type=Number(min=0), default=0.0, show_default=True, help="Time at rest after each cycle [s]."
-)
+@click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
 def bearings(loads: JointLoads, bearings_file: Path, rest: float) -> int:
     """Compute the life of bearings and guides for a repeated motion, and the buckling safety of rods.
 

@@ -57,7 +57,6 @@ _LARGEST_FILE = 50_000_000
     "--out",
     type=OutputFile("report"),
     default="out/report.html",
-    show_default=True,
     help="Report to write (.html or .pdf, which needs playwright and Chromium).",
 )
 @click.option("--title", help="Title of the report.")
@@ -280,11 +279,7 @@ def _command(
 @with_work
 @STIFFNESS
 @click.option(
-    "--samples",
-    type=Whole(2, 1_000_000),
-    default=SAMPLES,
-    show_default=True,
-    help="Least number of samples of a task.",
+    "--samples", type=Whole(2, 1_000_000), default=SAMPLES, help="Least number of samples of a task."
 )
 @JSON
 @click.option(
@@ -443,13 +438,7 @@ def _as_given() -> str:
 @click.option("--large", multiple=True, metavar="COLUMN", help="Column of designs to maximise; repeatable.")
 @click.option("--start", type=Whole(1, 10_000_000), help="Row of the reference design in the table.")
 @click.option("--index", "indices", multiple=True, metavar="NAME", help="Performance index; repeatable.")
-@click.option(
-    "--grid",
-    type=Whole(5, 401),
-    default=81,
-    show_default=True,
-    help="Number of poses of the map along each axis.",
-)
+@click.option("--grid", type=Whole(5, 401), default=81, help="Number of poses of the map along each axis.")
 @click.option("--out", type=OutputFile("animation"), required=True, help="HTML page to write.")
 def studio(
     case: Case,

@@ -15,7 +15,7 @@ from p3dof._base.files import together
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
 from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
-from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect, save_figure_if_possible, source
+from p3dof.cli.files import InputFile, OutputFile, out_folder, protect, save_figure_if_possible, source
 from p3dof.cli.kinds import POSITIVE, Number, Whole, as_one
 from p3dof.cli.machine import any_size
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
@@ -76,7 +76,6 @@ _with_feedback = as_one(
     type=click.Choice(("all", *CONTROLLERS)),
     multiple=True,
     default=("all",),
-    show_default=True,
     help="PD control of the sliders, PD with inverse dynamics as feedforward, or computed torque.",
 )
 @_with_feedback
@@ -84,29 +83,20 @@ _with_feedback = as_one(
     "--mass-error",
     type=Number(min=-1, min_open=True),
     default=0.0,
-    show_default=True,
     help="Relative error of the masses in the model of the controller.",
 )
 @click.option(
     "--method",
     type=click.Choice(METHODS),
     default=COMPILED,
-    show_default=True,
     help="Forward dynamics: in y, z, θ (compiled C, or the paper's formulas), or of all joints by Pinocchio.",
 )
-@click.option(
-    "--out",
-    type=OutputFolder(),
-    default="out",
-    show_default=True,
-    help="Folder to write the simulations and the figure to.",
-)
+@out_folder("the simulations and the figure")
 @click.option(
     "--format",
     "kind",
     type=click.Choice(("csv", "npz")),
     default="csv",
-    show_default=True,
     help="Format of the simulations; npz also holds all joints.",
 )
 @click.option(
@@ -219,7 +209,6 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
     "--controller",
     type=click.Choice(tuple(CONTROLLERS)),
     default="pd",
-    show_default=True,
     help="PD control of the sliders, PD with inverse dynamics as feedforward, or computed torque; their "
     "model is the machine of --parameters.",
 )
@@ -227,9 +216,7 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
 @click.option(
     "--duration", type=POSITIVE, help="Duration of each simulation [s]; by default that of the motion."
 )
-@click.option(
-    "--step", type=POSITIVE, default=1e-3, show_default=True, help="Largest step of the RK4 integrator [s]."
-)
+@click.option("--step", type=POSITIVE, default=1e-3, help="Largest step of the RK4 integrator [s].")
 @click.option("--threads", type=Whole(1, 1024), help="Number of threads; by default one a processor.")
 @time_limit("all simulations")
 @click.option(

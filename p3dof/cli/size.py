@@ -53,10 +53,8 @@ _TASKS = (".yaml", ".yml")
 @DURATION
 @REST
 @BRAKE
-@click.option(
-    "--samples", type=Whole(2, 1_000_000), default=4001, show_default=True, help="Least number of samples."
-)
-@click.option("--top", type=Whole(1), default=10, show_default=True, help="Number of drives to list.")
+@click.option("--samples", type=Whole(2, 1_000_000), default=4001, help="Least number of samples.")
+@click.option("--top", type=Whole(1), default=10, help="Number of drives to list.")
 @METHOD
 @LOAD_FRICTION
 @STIFFNESS
@@ -127,14 +125,12 @@ def size(
     "--kind",
     type=click.Choice((*get_args(BalanceKind), _ALL)),
     default=_ALL,
-    show_default=True,
     help="Kind of counterbalance: constant force, spring with a force at home, or counterweight.",
 )
 @click.option(
     "--objective",
     type=click.Choice(OBJECTIVES),
     default="rms",
-    show_default=True,
     help="What is minimised: root mean square or peak of the actuator forces.",
 )
 @PAYLOAD

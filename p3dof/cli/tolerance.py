@@ -66,9 +66,7 @@ _work = options(
         multiple=True,
         help="Fixed value that differs from the machine, such as a size of its solids: 'rod_radius=3 mm'.",
     ),
-    click.option(
-        "--seed", type=Whole(0, 2**63), default=0, show_default=True, help="Seed of the random numbers."
-    ),
+    click.option("--seed", type=Whole(0, 2**63), default=0, help="Seed of the random numbers."),
     click.option("--workers", type=Whole(1, 4096), help="Number of worker processes; by default none."),
     click.option("--out", type=OutputFolder(), help="Folder to write the sampled machines to; see --resume."),
     click.option("--resume", is_flag=True, help="Resume the work in the folder of --out."),
@@ -94,11 +92,11 @@ _work = options(
     help="Monte Carlo: number of sampled machines; by default first order, with exact derivatives.",
 )  # fmt: skip
 @click.option(
-    "--spread", type=click.Choice(("normal", "uniform")), default="normal", show_default=True,
+    "--spread", type=click.Choice(("normal", "uniform")), default="normal",
     help="Distribution of the parameters of sampled machines.",
 )  # fmt: skip
 @click.option(
-    "--worst", type=POSITIVE, default=3.0, show_default=True,
+    "--worst", type=POSITIVE, default=3.0,
     help="Worst case: deviation of all parameters, in standard deviations.",
 )  # fmt: skip
 @_work
@@ -153,14 +151,13 @@ def tolerance(
     "--of",
     "result",
     default="peak_force",
-    show_default=True,
     help="Result whose sensitivity is computed, a column of 'designs'.",
 )
 @click.option(
     "--local", is_flag=True, help="Local sensitivities (exact derivatives) instead of Sobol' indices."
 )
 @click.option(
-    "--rows", type=Whole(2, 2**28), default=4096, show_default=True,
+    "--rows", type=Whole(2, 2**28), default=4096,
     help="Base samples of the Sobol' indices (a power of two), each of as many machines as variables plus 2.",
 )  # fmt: skip
 @click.option(

@@ -41,11 +41,7 @@ _OPTIONS = (
         help="Port of the page on this machine, 0 for any; by default the first free one from 7000 on.",
     ),
     click.option(
-        "--speed",
-        type=Number(SLOWEST, FASTEST),
-        default=1.0,
-        show_default=True,
-        help="Playback speed, 1 for real time.",
+        "--speed", type=Number(SLOWEST, FASTEST), default=1.0, help="Playback speed, 1 for real time."
     ),
     click.option("--fps", type=Number(1, 240), help="Frames per second of a film; by default 25."),
     click.option(
@@ -54,9 +50,7 @@ _OPTIONS = (
         help="Start time of playback, and time of a picture [s]; by default that of the first sample.",
     ),
     click.option("--paused", is_flag=True, help="Start with playback paused."),
-    click.option(
-        "--open/--no-open", "browse", default=True, show_default=True, help="Open the user's browser."
-    ),
+    click.option("--open/--no-open", "browse", default=True, help="Open the user's browser."),
 )
 
 

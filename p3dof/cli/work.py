@@ -31,15 +31,9 @@ from p3dof.methods.registry import Method
 SAMPLES = 2001
 """Least number of samples of a planned task."""
 
-REST = click.option(
-    "--rest", type=Number(min=0), default=0.0, show_default=True, help="Time at rest after each cycle [s]."
-)
+REST = click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
 BRAKE = click.option(
-    "--brake-safety",
-    type=POSITIVE,
-    default=BRAKE_SAFETY,
-    show_default=True,
-    help="Safety factor of holding brakes.",
+    "--brake-safety", type=POSITIVE, default=BRAKE_SAFETY, help="Safety factor of holding brakes."
 )
 _OPTIONS = (
     click.option("--drives", type=InputFile(), help="Catalogue of motors, gears, screws and belts (YAML)."),

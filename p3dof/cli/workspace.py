@@ -134,7 +134,6 @@ _LENGTH = click.option(
     "--view",
     type=click.Choice(("map", "slices", "loci")),
     default="map",
-    show_default=True,
     help="What --figure draws: maps of indices over (y, θ), slices over (y, z), or singularity loci.",
 )
 @FIGURE
@@ -284,7 +283,6 @@ def _written(
     "--drive-stiffness",
     type=POSITIVE,
     default=DRIVE,
-    show_default=True,
     help="Stiffness of each drive [N/m]; the default is a guess.",
 )
 @click.option(

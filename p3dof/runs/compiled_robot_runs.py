@@ -9,7 +9,7 @@ robot itself is asked for the rates of adaptive steps; else the run has to be ma
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -125,6 +125,7 @@ class Course(NamedTuple):
     limited: Limited  # where it ends
     control: int  # what gives the forces
     other: Other  # what decides where the compiled dynamics is not to be trusted, of adaptive steps
+    look: Callable[[int], object] | None  # called now and then with the number of samples, of adaptive steps
 
 
 class EqualSteps:
@@ -213,6 +214,7 @@ class AdaptiveSteps:
             course.control,
             continuous,
             course.other,
+            course.look,
         )
         self.begins: IndexArray = np.flatnonzero(tick)
         self.parts = len(tick)

@@ -231,6 +231,11 @@ class RunOfRobot(Run[RobotRun]):
             return None
         return self.plant.rate(state, forces, self.loads(0.0))
 
+    def looked(self, taken: int) -> None:
+        """Tell how many samples a run in C has."""
+        if self.progress is not None:
+            self.progress(min(taken, len(self.times)), len(self.times))
+
     def result(self, record: Recording, note: str) -> RobotRun:
         """Return what the run leaves behind."""
         return left_behind(
@@ -283,6 +288,7 @@ class _RobotInC:
             compiled_robot_runs.limited(of.margins),
             shown.control,
             of.decided,
+            of.looked,
         )
         if integration.scheme == "rk4":
             self.mover = compiled_robot_runs.EqualSteps(compiled, shown.model, course, integration.step)
@@ -311,15 +317,14 @@ class _RobotInC:
         """Go from part to part; return why it ended."""
         rows = range(0, len(mover.begins), _CHUNK if act is None else 1)
         begins, reason = mover.begins[rows], 0
-        ends, total = np.append(begins[1:], mover.parts).tolist(), len(self._of.times)
+        ends = np.append(begins[1:], mover.parts).tolist()
         for row, begin, end in zip(rows, begins.tolist(), ends, strict=True):
             if act is not None:
                 self._command(mover, act, mover.when(begin))
             reason = mover.advance(begin, end - begin, end == mover.parts, row)
             if reason:
                 return reason
-            if self._of.progress is not None:
-                self._of.progress(min(mover.taken, total), total)
+            self._of.looked(mover.taken)
         return reason
 
     def _command(self, mover: compiled_robot_runs.Mover, act: Actuation, time: float) -> None:

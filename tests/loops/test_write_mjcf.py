@@ -136,7 +136,7 @@ def test_robots_of_the_gallery(file):
 
 
 @pytest.mark.parametrize("name", others(*(name for name in STAND_INS if name != "plus_leg_with_rotors")))
-@pytest.mark.filterwarnings("ignore:MJCF. limits that leave a joint no room")
+@pytest.mark.filterwarnings("ignore:MJCF. limits that leave a joint no travel")
 def test_other_robots(name):
     robot = load(name)
     xml = text(robot)

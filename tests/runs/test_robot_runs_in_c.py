@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from dataclasses import replace
 from functools import cache
 
@@ -655,3 +657,36 @@ def test_what_is_no_robot_is_refused():
         simulate_robot_many("robot", 0.1, {})
     with pytest.raises(InputError, match="expected the scheme 'rk4'"):
         simulate_robot_many(kept("five_bar")[0], 0.1, {}, integration=EXACT)
+
+
+@pytest.mark.usefixtures("ctrl_c")
+def test_an_interrupt_ends_a_run_that_is_deep_in_c(in_c):
+    """A run without ticks is one call of C: it looks whether to go on, and tells how far it is."""
+    loop = kept("four_bar")[0]
+    going, seen = threading.Event(), []
+
+    def progress(done, total):
+        seen.append((done, total))
+        going.set()
+
+    def interrupt():
+        going.wait(60)
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulate_robot(loop, 1e7, samples=3, progress=progress)
+    finally:
+        thread.join()
+    assert set(seen) == {(1, 3)}
+
+    def fail(*_):
+        raise OSError("the terminal is gone")
+
+    with pytest.raises(OSError, match="the terminal is gone"):
+        simulate_robot(loop, 1e7, samples=3, progress=fail)
+    assert in_c == []
+    assert simulate_robot(loop, 20.0, samples=3, progress=progress).finished
+    assert seen[-1] == (3, 3)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, frozen_array
 from p3dof._base.errors import MotionError
 
 MAX_SAMPLES = 10_000_000
@@ -35,6 +35,21 @@ def counted(time: FloatArray) -> tuple[FloatArray, float]:
     since: FloatArray = time - time[0]  # exact, as no time is twice or half another
     since.setflags(write=False)
     return since, float(time[0])
+
+
+def set_times(samples: Any) -> int:
+    """Check times and start of frozen samples, count times from the start, and return how many they are."""
+    time = frozen_array("time", samples.time, ("N",), MotionError)
+    if len(time) == 0:
+        raise MotionError("time: expected at least one sample, got none")
+    require_rising("time", time)
+    if samples.start is None:
+        time, start = counted(time)
+    else:
+        start = float(frozen_array("start", samples.start, (), MotionError))
+    object.__setattr__(samples, "time", time)
+    object.__setattr__(samples, "start", start)
+    return len(time)
 
 
 def counted_told(start: float) -> str:

@@ -14,7 +14,7 @@ from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text
 from p3dof._base.samples import rows_like
 from p3dof._base.time_series import csv_files
-from p3dof._base.time_series.times import counted, require_rising
+from p3dof._base.time_series.times import set_times
 
 WRENCH_ROWS = (1, 2, 4)
 """What of a wrench works on the platform, which moves in y, z and θ: F_y, F_z and M_y."""
@@ -146,18 +146,8 @@ class WrenchHistory(FrozenArrays):
     start: float = None  # type: ignore[assignment]  # made below
 
     def __post_init__(self) -> None:
-        time = frozen_array("time", self.time, ("N",), MotionError)
-        if len(time) == 0:
-            raise MotionError("time: expected at least one sample, got none")
-        require_rising("time", time)
-        given: float | None = self.start
-        if given is None:
-            time, start = counted(time)
-        else:
-            start = float(frozen_array("start", given, (), MotionError))
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "wrench", frozen_array("wrench", self.wrench, (len(time), 6), MotionError))
+        count = set_times(self)
+        object.__setattr__(self, "wrench", frozen_array("wrench", self.wrench, (count, 6), MotionError))
 
     @classmethod
     def from_csv(cls, path: Source) -> WrenchHistory:

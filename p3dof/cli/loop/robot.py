@@ -99,7 +99,6 @@ METHOD = click.option(
     "--method",
     type=click.Choice(list(ROBOT_METHODS)),
     default="general",
-    show_default=True,
     help="Dynamics by Pinocchio, or by C code compiled for the robot (needs gcc or clang).",
 )
 EXTERNAL = click.option(

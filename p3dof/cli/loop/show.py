@@ -58,10 +58,7 @@ _RUN_SAMPLES = 1001
 @EXTERNAL
 @click.option("--closure-forces", is_flag=True, help="Show the closure forces from the start.")
 @click.option(
-    "--shapes/--no-shapes",
-    default=True,
-    show_default=True,
-    help="Show the shapes of the links in the file; rods otherwise.",
+    "--shapes/--no-shapes", default=True, help="Show the shapes of the links in the file; rods otherwise."
 )
 @click.option(
     "--package-dir",
@@ -85,7 +82,6 @@ _RUN_SAMPLES = 1001
     type=Whole(16, MAX_PIXELS),
     nargs=2,
     default=SIZE,
-    show_default=True,
     metavar="WIDTH HEIGHT",
     help="Size of a picture or film [pixels].",
 )

@@ -78,7 +78,6 @@ _OPTIONS_OF_CONTROL = (
         "--controller",
         type=click.Choice((NONE, PD, COMPUTED_TORQUE)),
         default=NONE,
-        show_default=True,
         help="PD control of the actuated joints with gravity compensation, computed torque (by hybrid "
         "dynamics where degrees of freedom are uncontrolled), or none: --actuator-force acts.",
     ),
@@ -175,15 +174,12 @@ class Control(Feedback):
     "--limits",
     type=click.Choice(tuple(_LIMITS)),
     default="stop",
-    show_default=True,
     help="At a joint limit in the file of the robot: end the simulation, or ignore it.",
 )
 @click.option(
     "--duration", type=POSITIVE, help="Duration of the simulation [s]; by default that of the motion, or 1."
 )
-@click.option(
-    "--samples", type=Whole(2, 1_000_000), default=1001, show_default=True, help="Number of samples to keep."
-)
+@click.option("--samples", type=Whole(2, 1_000_000), default=1001, help="Number of samples to keep.")
 @time_limit("the simulation")
 @click.option(
     "--method",

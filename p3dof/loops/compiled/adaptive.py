@@ -8,7 +8,7 @@ decide.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -75,6 +75,7 @@ Other: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray | None]
 """State and forces of the motors to the derivative of the state; None if it has to be given up."""
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _OTHER = ctypes.CFUNCTYPE(ctypes.c_int, _DOUBLES, _DOUBLES, _DOUBLES)
+_LOOK = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_ssize_t)
 
 
 class _Adaptive(ctypes.Structure):
@@ -91,6 +92,7 @@ class _Adaptive(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("edge", "tick", "times", "lower", "upper", "given")),
         *((name, ctypes.c_void_p) for name in ("rows", "row_strides", "y", "asked", "past", "room", "found")),
         ("other", _OTHER),
+        ("look", _LOOK),
     )
 
 
@@ -137,6 +139,7 @@ class AdaptiveRun:
         control: int,
         continuous: bool,
         other: Other | None = None,
+        look: Callable[[int], object] | None = None,
     ) -> None:
         flow, count = made.flow, len(how.times) + 1
         nq, nv, n = flow.inputs["q"], flow.inputs["v"], flow.inputs["tau"]
@@ -163,6 +166,9 @@ class AdaptiveRun:
             pointers([array.ctypes.data for array in self.past]),
         ]
         inputs, targets, strides, past = (ctypes.addressof(one) for one in lists)
+        self._raised: BaseException | None = None
+        looks = self._looks(look)
+        next(looks)
         self._run: Any = _Adaptive(
             *(0, len(how.tick), 0, 0, len(how.times), count, 0),
             *(control, continuous, 1, 0, 0, 0, (0, 0)),
@@ -171,6 +177,7 @@ class AdaptiveRun:
             *(inputs, targets, strides, self.state.ctypes.data, room[0].ctypes.data, past),
             *(room[1].ctypes.data, room[2].ctypes.data),
             _OTHER(0) if other is None else _called(other, nq + nv, n),
+            _LOOK(looks.send),
         )
         self._kept = tables, arrays, room, lists
         self._call = made.library.adaptive
@@ -187,10 +194,25 @@ class AdaptiveRun:
         run = self._run
         run.begin, run.edges, run.closing, run.row = begin, edges, closing, row
         reason = int(self._call(ctypes.addressof(run)))
+        if self._raised is not None:
+            raise self._raised
         if reason <= 0:
             return reason
         upper, at = divmod(reason - 1, self._limits)
         return 1 + self._index[at] + upper * self._counted
+
+    def _looks(self, look: Callable[[int], object] | None) -> Generator[int, int, None]:
+        """Say to C whether to go on; a generator, for signals are raised where it waits, which `try` sees."""
+        try:
+            while True:
+                samples = yield 1
+                if look is not None:
+                    look(samples)
+        except GeneratorExit:
+            return
+        except BaseException as error:
+            self._raised = error
+            yield 0
 
     @property
     def end(self) -> float:

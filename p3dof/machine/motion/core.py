@@ -27,6 +27,7 @@ from p3dof._base.time_series.times import (
     require_rising,
     rounding_told,
     sample_count,
+    set_times,
 )
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.machine.motion.consistency import check_consistency
@@ -80,19 +81,9 @@ class Motion(FrozenArrays, ShownInNotebook):
     start: float = None  # type: ignore[assignment]  # made below
 
     def __post_init__(self, check: bool) -> None:
-        time = frozen_array("time", self.time, ("N",), MotionError)
-        if len(time) == 0:
-            raise MotionError("time: expected at least one sample, got none")
-        require_rising("time", time)
-        given: float | None = self.start
-        if given is None:
-            time, start = counted(time)
-        else:
-            start = float(frozen_array("start", given, (), MotionError))
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "start", start)
+        count = set_times(self)
         for name in ("pose", "velocity", "acceleration"):
-            array = frozen_array(name, getattr(self, name), (len(time), 3), MotionError)
+            array = frozen_array(name, getattr(self, name), (count, 3), MotionError)
             object.__setattr__(self, name, array)
         if self.curve is not None and not isinstance(self.curve, Curve):
             raise MotionError(f"curve: expected a Curve, got {shown(self.curve)}")
