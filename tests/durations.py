@@ -15,13 +15,11 @@ from typing import Any
 import pytest
 
 TABLE = Path(__file__).with_name("durations.txt")
-BUDGET = 40.0
+BUDGET = 30.0
 """Processor time of all quick tests together [s]."""
 KEPT = 0.1
 """Tests of less have no row of their own [s]."""
-NOTEBOOK = 15.0
-"""What a file without a row takes, about: a notebook [s]."""
-LONG = ("notebooks/", "tests/interop/")
+LONG = ("tests/interop/",)
 """Nothing in these is quick."""
 HEAD = f"# Processor time [s] of files, and of their tests over {KEPT} s; written by pytest --measure."
 
@@ -60,7 +58,7 @@ def write(times: Mapping[str, float]) -> None:
 def longest_first() -> Callable[[pytest.Item], float]:
     """Return the key that sorts tests by their files: at the end no worker waits for a long one."""
     times = read()
-    return lambda item: -times.get(file_of(item.nodeid), NOTEBOOK)
+    return lambda item: -times.get(file_of(item.nodeid), 0.0)
 
 
 def slow(times: Mapping[str, float], budget: float) -> set[str]:

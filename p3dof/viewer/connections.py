@@ -244,6 +244,11 @@ class PageHandler(WebSocketHandler, LocalHandler):
         if self._writer is not None:
             self._writer.cancel()
 
+    @property
+    def waiting(self) -> int:
+        """How many messages it has still to be sent."""
+        return len(self._outbox)
+
     def hang_up(self) -> None:
         """Close the connection of a page that does not answer."""
         if self._stream is not None:

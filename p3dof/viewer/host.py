@@ -141,7 +141,12 @@ class Host:
         await server.close_all_connections()
 
     async def _dismiss(self) -> None:
-        """Close the pages' connections: politely, and then in any case."""
+        """Close the pages' connections: when they have what was drawn, politely, and then in any case."""
+        self._deliver()
+        for _ in range(50):
+            if not any(page.waiting for page in self._connections()):
+                break
+            await asyncio.sleep(0.02)
         for page in self._connections():
             page.close(1001, "the viewer was closed")
         for _ in range(20):

@@ -17,7 +17,7 @@ from p3dof.machine.parameters.machine import dump, parse
 
 
 @given(seed=SEEDS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_forces_are_those_without_friction_and_the_resistances(seed):
     smooth = random_machine(seed)
     rough = replace(smooth, friction=random_friction(np.random.default_rng(seed)))

@@ -34,7 +34,7 @@ def formulas(machine, states):
 
 
 @given(seed=SEEDS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_it_is_the_recursion_and_lagrange_for_bodies_without_any_symmetry(seed):
     machine = random_machine(seed)
     states = random_states(machine, seed, 20)

@@ -33,14 +33,14 @@ def robot():
 
 @pytest.fixture(scope="module")
 def found(robot):
-    return best_path(robot, parse(VIAS), AxisLimits(500, 2), nodes=100)
+    return best_path(robot, parse(VIAS), AxisLimits(500, 2), nodes=50)
 
 
 def test_the_pick_and_place_takes_less_time(robot, found):
-    given = fastest_plan(robot, BLENDED, AxisLimits(500, 2), nodes=100).duration
+    given = fastest_plan(robot, BLENDED, AxisLimits(500, 2), nodes=50).duration
     assert found.given_plan.duration == given
     assert found.plan.duration < 0.9 * given
-    again = fastest_plan(robot, found.task, AxisLimits(500, 2), nodes=100)
+    again = fastest_plan(robot, found.task, AxisLimits(500, 2), nodes=50)
     assert again.duration == found.plan.duration
 
 

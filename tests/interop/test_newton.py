@@ -153,6 +153,7 @@ def test_joints_have_the_same_names_types_and_limits(reader):
             assert values[at] == pytest.approx(getattr(joint.limits, limit), rel=SINGLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("seed", range(3))
 def test_links_are_where_they_should_be(reader, seed):

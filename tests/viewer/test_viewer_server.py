@@ -537,6 +537,26 @@ def test_a_slow_page_gets_the_latest_and_not_all(window, server):
     assert eventually(lambda: len(server._scenes.pages) == 0)
 
 
+def test_what_was_drawn_last_arrives_before_the_end(window, server):
+    drawn = meshcat.Visualizer(window=window)
+
+    async def draw_and_end():
+        page = await socket_at(server, "scene")
+        got = []
+        await asyncio.to_thread(draw)
+        while (message := await page.read_message()) is not None:
+            got.append(umsgpack.unpackb(message)["path"])
+        page.close()
+        return got
+
+    def draw():
+        for k in range(200):
+            drawn[f"node_{k}"].set_transform(np.eye(4))
+        server.stop()
+
+    assert asyncio.run(draw_and_end())[-200:] == [f"/meshcat/node_{k}" for k in range(200)]
+
+
 def test_it_ends_though_a_page_does_not_answer(window):
     server = Server(window, port=0)
     with silent_page(server):
