@@ -15,7 +15,7 @@ endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/_native/*.[ch] p3dof/_native/generated/*.h p3dof/_base/tracing/*.h p3dof/_base/integrators/*.h)
-DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium nodejs $(if $(shell command -v npm),,npm) \
+DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium chromium-headless-shell nodejs $(if $(shell command -v npm),,npm) \
 	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib)
 MODULES := page/node_modules/.package-lock.json
 
@@ -25,8 +25,6 @@ export PYTHONDONTWRITEBYTECODE :=
 LOWEST := .venv-lowest
 # The files of tests by their names, behind whichever door they are.
 FILES = $(foreach name,$(1),$(or $(wildcard tests/*/test_$(name).py),$(error no test_$(name).py)))
-# Tests of browsers and processes wait now and then: one worker more than there are cores.
-WORKERS ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 COUNT ?= 300
 GROUPS ?= 0
 ONLY ?=
@@ -76,11 +74,11 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 	else echo "page-check: SKIPPED, node or npm is not installed"; test "$(P3DOF_REQUIRE)" != all; fi
 
 pytest: $(DEV) ## all tests
-	$(BIN)/pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/pytest -n auto --dist worksteal
 
 # Of tests over about four seconds, the cases whose fact a quicker one also holds.
 slow: $(DEV) ## the tests that `make test` leaves out, for they take long, and the notebooks
-	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m slow tests
+	$(BIN)/pytest -n auto --dist worksteal -m slow tests
 	$(BIN)/pytest -n auto notebooks
 
 durations: $(DEV) ## all tests, and measure anew which ones are quick

@@ -14,6 +14,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from p3dof.viewer import headless
+
 FLAGS = (
     "--no-sandbox",
     "--disable-gpu",
@@ -24,8 +26,6 @@ FLAGS = (
     "--disable-quic",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-
 WALK = """
 window.nodeOf = (path) => {  // never `scene_tree.find`: it makes what is missing
     let node = viewer.scene_tree;
@@ -105,9 +105,9 @@ def until(page: Any, condition: Callable[[], object], seconds: float = 60.0) -> 
 def find_chromium() -> str:
     """The browser's path; skips the test, saying why, where there is none."""
     pytest.importorskip("playwright", reason="playwright is not installed")
-    path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
+    path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, headless.NAMES)), None)
     if path is None:
-        pytest.skip("no Chromium is installed (" + ", ".join(NAMES) + ")")
+        pytest.skip("no Chromium is installed (" + ", ".join(headless.NAMES) + ")")
     return path
 
 

@@ -15,6 +15,8 @@ from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.files import scratch_folder
 
 NAMES = (
+    "chromium-headless-shell",  # the same engine without windows: it takes half the time
+    "chrome-headless-shell",
     "chromium",
     "chromium-browser",
     "google-chrome",

@@ -84,6 +84,7 @@ def test_a_cluster_computes_the_same_bits(client, whole, tmp_path, shared):
     assert files(tmp_path) == whole
 
 
+@pytest.mark.slow
 def test_a_worker_and_then_the_whole_program_may_be_killed(whole, tmp_path):
     """The sweep of a program that lost a worker, and was killed later, goes on to the same bits."""
     folder, gate = tmp_path / "out", tmp_path / "gate"

@@ -2,12 +2,13 @@
 
     make benchmark          the table, beside that of the last release
     make ratios             the same; fails when a ratio is 1.5 times worse
-    make benchmark-table    the table becomes the reference, table.json
+    make benchmark-table    the table becomes the reference of this processor, in table.json
 
 CPU time, all in one process, on one thread; of fresh processes theirs. A ratio is that of a call and what it
 is measured by, before and after it: what slows the machine slows all three. Ratios are medians of
-interleaved rounds. What is worse is measured twice more, and fails when it is worse each time. Rows whose
-ratio the vectors of the processor decide are not judged where those are others than of the reference.
+interleaved rounds. What is worse is measured twice more, and fails when it is worse each time. The reference
+is that of the same processor; where there is none, the largest ratios of all, and rows whose ratio is decided
+by the vectors of the processor are then not judged.
 """
 
 from __future__ import annotations
@@ -381,6 +382,26 @@ def printed(rows: Mapping[str, Measured], last: Mapping[str, float]) -> Table:
     return result
 
 
+def references() -> list[dict[str, Any]]:
+    """Return what was written, the latest first."""
+    found: list[dict[str, Any]] = json.loads(REFERENCE.read_text("utf-8")) if REFERENCE.exists() else []
+    return found
+
+
+def is_here(made: Mapping[str, Any], level: str) -> bool:
+    """Whether a reference is of this processor, at this level."""
+    here = dict(machine_description())["processor"]
+    return bool(made["machine"]["processor"] == here and made["level"] == level)
+
+
+def reference_for(made: Sequence[dict[str, Any]], level: str) -> dict[str, Any]:
+    """Return what this processor is compared with: its own reference, else the largest ratios of all."""
+    if not made:
+        return {"level": level, "ratios": {}}
+    largest = {name: max(one["ratios"].get(name, 0.0) for one in made) for name in made[0]["ratios"]}
+    return next((one for one in made if is_here(one, level)), made[0] | {"ratios": largest})
+
+
 def reference_of(rows: Mapping[str, Measured], level: str) -> dict[str, Any]:
     """Return what the next release is compared with."""
     done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=True)
@@ -393,13 +414,13 @@ def reference_of(rows: Mapping[str, Measured], level: str) -> dict[str, Any]:
 @click.option(
     "--judge", is_flag=True, help=f"Fail when a ratio is {WORSE:g} times worse than of the last release."
 )
-@click.option("--write", is_flag=True, help="Write the reference, table.json.")
+@click.option("--write", is_flag=True, help="Write the reference of this processor, in table.json.")
 @click.option("--only", multiple=True, help="Rows whose name has this in it; all by default.")
 def main(judge: bool, write: bool, only: tuple[str, ...]) -> None:
     """Measure, print and compare."""
     warnings.simplefilter("ignore")
     console, level = wide_console(), p3dof.load().kernels.level
-    known = json.loads(REFERENCE.read_text("utf-8")) if REFERENCE.exists() else {"level": level, "ratios": {}}
+    known = reference_for(references(), level)
     with tempfile.TemporaryDirectory() as folder:
         rows = {
             row.name: Measured(row)
@@ -409,7 +430,8 @@ def main(judge: bool, write: bool, only: tuple[str, ...]) -> None:
         for _ in range(ROUNDS):
             for one in rows.values():
                 one.turn()
-        other = {name for name, one in rows.items() if one.row.vectors} if level != known["level"] else set()
+        same = not known["ratios"] or is_here(known, level)
+        other = set() if same else {name for name, one in rows.items() if one.row.vectors}
         last = {
             name: ratio
             for name, ratio in known["ratios"].items()
@@ -425,11 +447,12 @@ def main(judge: bool, write: bool, only: tuple[str, ...]) -> None:
         of = f"{known['commit']}, {known['date']}, {known['level']}, {known['machine']['processor']}"
         console.print(f"last release: {of}", soft_wrap=True)
     if other:
-        told.append(f"made with {known['level']}, here {level}: not judged: {'; '.join(sorted(other))}")
+        told.append(f"of another processor or level; not judged: {'; '.join(sorted(other))}")
     for line in [*(told if known["ratios"] else ()), *(f"WORSE: {line}" for line in worse)]:
         console.print(line, soft_wrap=True, markup=False)
     if write:
-        text = json.dumps(reference_of(rows, level), indent=1, ensure_ascii=False)
+        kept = [one for one in references() if not is_here(one, level)]
+        text = json.dumps([reference_of(rows, level), *kept], indent=1, ensure_ascii=False)
         REFERENCE.write_text(text + "\n", encoding="utf-8")
     if judge and worse:
         raise SystemExit(1)

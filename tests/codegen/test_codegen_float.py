@@ -106,6 +106,7 @@ def test_a_processor_with_single_precision_only_calls_no_doubles(tmp_path):
     assert len(calls["double"]) > 1000
 
 
+@pytest.mark.slow
 @each_c_and_bake
 def test_calls_with_nonsense(tmp_path, bake, compiler):
     write(tmp_path, MACHINES["general"], bake)

@@ -150,6 +150,7 @@ def test_a_broken_formula_is_seen_by_jax(break_formula):
     assert errors(machine, states, np.asarray(gpu.jax_forces(parameter_row(machine), *states))).max() > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "machine", [pytest.param(PAPER, marks=pytest.mark.slow), MACHINES["general"]], ids=["paper", "general"]
 )

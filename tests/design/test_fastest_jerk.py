@@ -66,6 +66,7 @@ def test_the_limits_hold_between_the_nodes(robot, task, limits):
     assert (jerk / limits.jerk).max() > 0.99
 
 
+@pytest.mark.slow
 def test_friction_and_a_payload_count(robot):
     friction = p3dof.machine.Friction(viscous={"sliders": 20}, coulomb={"sliders": 5})
     machine = p3dof.load(replace(robot.parameters, friction=friction))

@@ -109,7 +109,7 @@ def test_three_objectives_are_polished_by_bounds_on_two() -> None:
     assert front.objectives[index, 0] == pytest.approx(exact.value, rel=1e-3)
 
 
-@pytest.mark.parametrize("method", ["epsilon", "nsga2"])
+@pytest.mark.parametrize("method", [pytest.param("epsilon", marks=pytest.mark.slow), "nsga2"])
 def test_an_interrupted_front_goes_on_to_the_same_result(method: str, tmp_path: Path) -> None:
     pytest.importorskip("pymoo")
     problem = paper_problem()

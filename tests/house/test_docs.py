@@ -16,8 +16,9 @@ DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
 ELSEWHERE = {"gallery.md": "test_gallery.py"}
 """Pages that another test runs, and reads the numbers of."""
-SLOW = {"gpu.md": pytest.mark.slow}
-"""Other tests hold what the page says, and JAX takes its time."""
+_LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "workspace-and-indices"
+SLOW = dict.fromkeys((f"{stem}.md" for stem in _LONG), pytest.mark.slow)
+"""Other tests hold what these say, and they take long."""
 TOLD = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
 RUN = [page for page in TOLD if page not in WALKED and page.name not in ELSEWHERE]
 

@@ -189,6 +189,7 @@ def test_urdf_keeps_the_parallelogram_as_a_mimic():
     assert found == {name: (mimic.joint, 0, mimic.multiplier) for name, mimic in mimics.items()}
 
 
+@pytest.mark.slow
 def test_usd_keeps_the_loops():
     model = machine("usda")
     loops = np.flatnonzero(model.joint_articulation.numpy() < 0)

@@ -236,13 +236,13 @@ def test_equal_seeds_give_equal_noise():
 
 
 def test_what_is_measured_is_the_machine_and_its_noise():
-    seen = []
+    seen, robot = [], p3dof.load()
+    hold = robot.forces(HOME, HOME, HOME)
 
     def controller(measured):
         seen.append(measured)
-        return p3dof.load().forces(HOME, HOME, HOME)
+        return hold
 
-    robot = p3dof.load()
     run = robot.simulate(
         0.1,
         start=InitialState([0.01, 0.02, 0.1], [0.1, 0, 0.2]),

@@ -207,9 +207,11 @@ def test_held_forces_are_those_of_the_last_period():
     def controller(measured):
         times.append(measured.time)
         assert measured.period == 0.01
-        return p3dof.load().forces(HOME, HOME, HOME) + 10 * len(times) % 7
+        return hold + 10 * len(times) % 7
 
-    run = p3dof.load().simulate(
+    robot = p3dof.load()
+    hold = robot.forces(HOME, HOME, HOME)
+    run = robot.simulate(
         0.1,
         controller=controller,
         control=ControlLoop(100),

@@ -626,7 +626,7 @@ def bodies_along(robot_too, files, body):
 
 
 @pytest.mark.usefixtures("ctrl_c")
-@pytest.mark.parametrize("robot_too", [False, True])
+@pytest.mark.parametrize("robot_too", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_show_plays_again_and_again_until_ctrl_c(browser, files, robot_too):
     given = ["loop", "show", files / "bar.urdf", files / "bar.yaml"] if robot_too else ["show"]
     motion = files / ("bar.csv" if robot_too else "motion.csv")
@@ -662,7 +662,7 @@ def test_show_plays_again_and_again_until_ctrl_c(browser, files, robot_too):
     assert (process.returncode, out, err) == (0, "", "")
 
 
-@pytest.mark.parametrize("robot_too", [False, True])
+@pytest.mark.parametrize("robot_too", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_once_ends_by_itself(browser, files, robot, robot_too):
     given = ["loop", "show", files / "bar.urdf", files / "bar.yaml"] if robot_too else ["show"]
     motion = files / ("bar.csv" if robot_too else "motion.csv")
