@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
+import weakref
 from dataclasses import replace
 from functools import cache
 
@@ -18,6 +20,7 @@ import p3dof
 from p3dof._base.errors import ControllerError, InputError, ModelWarning
 from p3dof.loops import ClosedLoopModel, JointData
 from p3dof.loops.compiled import build, runs
+from p3dof.loops.compiled.adaptive import AdaptiveRun
 from p3dof.runs import (
     ControlLoop,
     Event,
@@ -690,3 +693,21 @@ def test_an_interrupt_ends_a_run_that_is_deep_in_c(in_c):
     assert in_c == []
     assert simulate_robot(loop, 20.0, samples=3, progress=progress).finished
     assert seen[-1] == (3, 3)
+
+
+def test_a_run_in_c_leaves_nothing_to_the_garbage_collector(monkeypatch):
+    """Its samples may be many: they go with the last name of the run."""
+    made, own = [], AdaptiveRun.__init__
+
+    def init(self, *given, **more):
+        own(self, *given, **more)
+        made.append(weakref.ref(self))
+
+    monkeypatch.setattr(AdaptiveRun, "__init__", init)
+    loop = kept("four_bar")[0]
+    gc.disable()
+    try:
+        simulate_robot(loop, 0.1, samples=3)
+        assert [one() for one in made] == [None]
+    finally:
+        gc.enable()

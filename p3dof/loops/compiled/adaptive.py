@@ -166,8 +166,8 @@ class AdaptiveRun:
             pointers([array.ctypes.data for array in self.past]),
         ]
         inputs, targets, strides, past = (ctypes.addressof(one) for one in lists)
-        self._raised: BaseException | None = None
-        looks = self._looks(look)
+        self._raised: list[BaseException] = []
+        looks = _looks(look, self._raised)
         next(looks)
         self._run: Any = _Adaptive(
             *(0, len(how.tick), 0, 0, len(how.times), count, 0),
@@ -194,25 +194,12 @@ class AdaptiveRun:
         run = self._run
         run.begin, run.edges, run.closing, run.row = begin, edges, closing, row
         reason = int(self._call(ctypes.addressof(run)))
-        if self._raised is not None:
-            raise self._raised
+        if self._raised:
+            raise self._raised[0]
         if reason <= 0:
             return reason
         upper, at = divmod(reason - 1, self._limits)
         return 1 + self._index[at] + upper * self._counted
-
-    def _looks(self, look: Callable[[int], object] | None) -> Generator[int, int, None]:
-        """Say to C whether to go on; a generator, for signals are raised where it waits, which `try` sees."""
-        try:
-            while True:
-                samples = yield 1
-                if look is not None:
-                    look(samples)
-        except GeneratorExit:
-            return
-        except BaseException as error:
-            self._raised = error
-            yield 0
 
     @property
     def end(self) -> float:
@@ -228,6 +215,20 @@ class AdaptiveRun:
     def evaluations(self) -> int:
         """Of the equations of motion."""
         return int(self._run.evaluations)
+
+
+def _looks(look: Callable[[int], object] | None, raised: list[BaseException]) -> Generator[int, int, None]:
+    """Say to C whether to go on; a generator, for signals are raised where it waits, which `try` sees."""
+    try:
+        while True:
+            samples = yield 1
+            if look is not None:
+                look(samples)
+    except GeneratorExit:
+        return
+    except BaseException as error:
+        raised.append(error)
+        yield 0
 
 
 def _called(other: Other, size: int, count: int) -> Any:
