@@ -29,7 +29,7 @@ COUNT ?= 300
 GROUPS ?= 0
 ONLY ?=
 
-.PHONY: help demo quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
+.PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
 .PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
@@ -40,7 +40,10 @@ help: ## say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 	@echo "Settings: PYTHON=python3.x  EXTRAS=all (every tool that reads the exports)  OUT=folder  SEED=number"
 
-quick: $(DEV) lint types layers ## lint, types, layers and the fast tests: about a minute
+quick: $(DEV) ## lint, types, layers and the fast tests: about a minute
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target types lint layers pytest-quick
+
+pytest-quick: $(DEV) ## the fast tests
 	$(BIN)/pytest -n auto --quick
 
 # What takes a process for itself beside each other, then what takes all of them.

@@ -68,8 +68,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Do not even import what has no quick test."""
-    path = f"{collection_path.relative_to(config.rootpath).as_posix()}/"
-    return True if config.getoption("--quick") and path.startswith(durations.LONG) else None
+    if not config.getoption("--quick") or collection_path.suffix != ".py":
+        return None
+    if not hasattr(config, "leaves_out"):
+        config.leaves_out = durations.not_quick(config)
+    return True if config.leaves_out(collection_path.relative_to(config.rootpath).as_posix()) else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

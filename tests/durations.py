@@ -7,7 +7,10 @@ file has one.
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -62,16 +65,15 @@ def longest_first() -> Callable[[pytest.Item], float]:
 
 
 def slow(times: Mapping[str, float], budget: float) -> set[str]:
-    """Return the tests for which the budget has no room: the longest ones."""
+    """Return what the budget has no room for: tests with rows, the longest first, then the longest rests."""
     times = {name: seconds for name, seconds in times.items() if not name.startswith(LONG)}
-    tests = {name: seconds for name, seconds in times.items() if "::" in name}
-    rest = {name: seconds for name, seconds in times.items() if "::" not in name}
-    for name, seconds in tests.items():
-        rest[file_of(name)] -= seconds  # may end below zero: what tests share counts for each of them
-    left = budget - sum(max(seconds, 0.0) for seconds in rest.values())
-    found = set()
-    for name in sorted(tests, key=lambda name: tests[name]):
-        left -= tests[name]
+    parts = dict(times)
+    for name, seconds in times.items():
+        if "::" in name:
+            parts[file_of(name)] -= seconds
+    left, found = budget, set()
+    for name in sorted(parts, key=lambda name: ("::" in name, parts[name])):
+        left -= max(parts[name], 0.0)  # may be below zero: what tests share counts for each of them
         if left < 0:
             found.add(name)
     return found
@@ -90,6 +92,8 @@ class Measuring:
         self.waits: dict[str, float] = {}
         self.skipped: set[str] = set()
         self._shared = 0.0  # time of shared fixtures within the test that runs
+        if sys.platform == "linux":  # adopt a browser's processes, which outlive their parent
+            ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
@@ -160,12 +164,38 @@ class Measuring:
 
 def processor_time() -> float:
     """Return the processor time of this process and of those that it has waited for [s]."""
+    _wait_for_orphans()
     return sum(os.times()[:4])
+
+
+def _wait_for_orphans() -> None:
+    """Wait for what has ended of a browser's processes: nobody else does."""
+    for stat in Path("/proc").glob("[0-9]*/stat") if "playwright" in sys.modules else ():
+        with contextlib.suppress(OSError):
+            pid, rest = stat.read_text().split(" (", 1)
+            name, _, fields = rest.rpartition(") ")
+            state, parent = fields.split()[:2]
+            if (state, parent) == ("Z", str(os.getpid())) and ("chrom" in name or "headless" in name):
+                os.waitpid(int(pid), 0)
+
+
+def not_quick(config: pytest.Config) -> Callable[[str], bool]:
+    """Return whether a test, or all of a file, is not quick."""
+    times = read()
+    long = slow(times, config.getoption("--budget"))
+    some = {file_of(name) for name in times.keys() - long if "::" in name}
+
+    def leaves_out(name: str) -> bool:
+        if name.startswith(LONG) or name in long:
+            return name not in some
+        return "::" in name and name not in times and file_of(name) in long
+
+    return leaves_out
 
 
 def deselect_slow(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the tests that are not quick."""
-    long = slow(read(), config.getoption("--budget"))
-    left_out = [item for item in items if name_of(item.nodeid) in long or item.nodeid.startswith(LONG)]
-    config.hook.pytest_deselected(items=left_out)
+    leaves_out = not_quick(config)
+    left_out = {item for item in items if leaves_out(name_of(item.nodeid))}
+    config.hook.pytest_deselected(items=list(left_out))
     items[:] = [item for item in items if item not in left_out]

@@ -583,6 +583,7 @@ def test_a_sample_refuses_what_does_not_fit_its_kernel():
         _compiled.Sample("statics", *good[1:])
 
 
+@pytest.mark.slow
 def test_samples_keep_no_memory():
     used = kernel("inverse_dynamics")
     sample, rows, out = sample_of(used), np.zeros((3, 3)), np.empty(3)

@@ -499,6 +499,7 @@ def test_what_is_said_at_once_loads_no_model(arguments, environment):
     assert "compare" in done.stdout or "kernels" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_report_loads_no_visualizer_that_it_does_not_use(tmp_path):
     """Pinocchio would, where they are installed."""
     script = (

@@ -52,7 +52,9 @@ MOMENTS = {
 }
 
 
-@pytest.mark.parametrize("name", MOMENTS)
+@pytest.mark.parametrize(
+    "name", [pytest.param("sweep by workers", marks=pytest.mark.slow), "optimise", "compiled"]
+)
 def test_a_job_that_is_ended_on_its_way_leaves_nothing_and_goes_on_to_the_same(
     name, folder, tmp_path_factory
 ):

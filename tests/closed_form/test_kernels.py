@@ -109,6 +109,7 @@ def test_they_are_the_full_formulas(seed):
         np.testing.assert_allclose(found, sliders, rtol=0, atol=1e-14 * machine.geometry.L)
 
 
+@pytest.mark.slow
 def test_a_million_random_samples_of_random_machines():
     count, machines = 20_000, 50
     for seed in range(machines):

@@ -146,6 +146,7 @@ def test_the_selftest_finds_what_is_wrong(tmp_path):
         assert "FAILED" in done.stdout
 
 
+@pytest.mark.slow
 @each_c_and_bake
 def test_a_million_calls_with_nonsense(tmp_path, bake, compiler):
     write(tmp_path, MACHINES["general"], bake)

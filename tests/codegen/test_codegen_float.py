@@ -165,6 +165,7 @@ def library(tmp_path_factory):
     return Library(tmp_path_factory.mktemp("floats"))
 
 
+@pytest.mark.slow
 @given(seed=SEEDS)
 @settings(max_examples=25, deadline=None)
 def test_random_machines_within_the_tolerance_of_the_selftest(library, seed):

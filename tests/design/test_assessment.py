@@ -483,6 +483,7 @@ def test_a_motion_with_drives(files, capsys):
     assert "No, it does not fit." in text
 
 
+@pytest.mark.slow
 def test_a_task_is_printed(files, capsys):
     find_chromium()  # skips where there is none
     line = ["report", "task.yaml", "--duration", 2, "--drives", "drives.yaml", "--samples", 101]

@@ -159,6 +159,7 @@ def test_waits_wear_nothing_and_take_their_time(robot):
         assert b.hours / a.hours == pytest.approx(2.4 / 1.2, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_in_all_ways_and_with_friction(robot, plan, whole):
     every = p3dof.design.reactions_of_task(robot, plan, "all")
     np.testing.assert_array_equal(every.elastic.forces, whole.forces)

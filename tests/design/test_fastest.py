@@ -274,6 +274,7 @@ def test_the_fastest_motion_can_be_read_from_its_own_file(robot, tmp_path, waits
         assert np.sum(np.all(motion.acceleration[waiting] == 0, axis=1)) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "speed", "power", "dwells"),
     [

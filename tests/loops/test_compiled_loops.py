@@ -347,7 +347,16 @@ def swinging(loop, count, rate, amplitude, frequency=2.0):
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["four_bar", "five_bar", "delta", "stewart", "gripper"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "four_bar",
+        "five_bar",
+        pytest.param("delta", marks=pytest.mark.slow),
+        pytest.param("stewart", marks=pytest.mark.slow),
+        "gripper",
+    ],
+)
 def test_two_steps_of_newton_follow_a_motion(name):
     loop = gallery(name)
     compiled = loop.compile(threads=1)
@@ -446,7 +455,7 @@ def test_following_needs_motors_that_determine_the_motion():
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", ["five_bar", "stewart"])
+@pytest.mark.parametrize("name", ["five_bar", pytest.param("stewart", marks=pytest.mark.slow)])
 def test_every_level_and_a_bound_call_give_the_same(name):
     loop = gallery(name)
     moving = trees.motions(loop, 21, seed=7)
@@ -777,7 +786,7 @@ def test_configurations_move_as_those_of_pinocchio():
 # Many samples of the robot itself
 
 
-@pytest.fixture(params=["gripper", "two_arms", "leg"])
+@pytest.fixture(params=["gripper", pytest.param("two_arms", marks=pytest.mark.slow), "leg"])
 def many(request):
     """A robot, and motions of it; the second one has spare motors, the third idle freedoms."""
     loop = gallery(request.param)

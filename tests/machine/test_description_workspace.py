@@ -195,6 +195,7 @@ def smallest_distance(parameters, count, share=1.0):
     return smallest, seen
 
 
+@pytest.mark.slow
 def test_no_two_solids_touch_anywhere_in_the_workspace():
     smallest, seen = smallest_distance(PAPER, 20_000)
     assert seen > 20_000

@@ -79,7 +79,7 @@ def test_a_negative_stabilisation_is_refused():
         compiled.forward_dynamics(np.zeros(4), np.zeros(4), np.zeros(2), stabilisation=-1.0)
 
 
-@pytest.mark.parametrize("name", ["five_bar", "stewart"])
+@pytest.mark.parametrize("name", ["five_bar", pytest.param("stewart", marks=pytest.mark.slow)])
 def test_a_run_and_its_drift_are_the_same(name):
     loop, compiled = kept(name)
     options = {"samples": 51, "stop_at": ["singular closures"], "integration": FINE}
@@ -104,7 +104,7 @@ def pushed(loop):
     return q
 
 
-@pytest.mark.parametrize("name", ["delta", "gripper"])
+@pytest.mark.parametrize("name", [pytest.param("delta", marks=pytest.mark.slow), "gripper"])
 def test_runs_end_for_the_same_reasons_at_the_same_times(name):
     loop, compiled = kept(name)
     general, fast = both(loop, compiled, 1.0, controller=0.3 * np.arange(len(loop.actuated)), samples=21)
@@ -115,6 +115,7 @@ def test_runs_end_for_the_same_reasons_at_the_same_times(name):
     assert fast.stop.time == pytest.approx(general.stop.time, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_wrenches_and_controllers_of_a_compiled_robot():
     loop = gallery("stewart")
     compiled = loop.compile(external=["platform"])

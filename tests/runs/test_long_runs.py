@@ -49,6 +49,7 @@ def test_robots_on_springs_keep_their_energy_for_ten_seconds(name, frequency, sp
     check(simulate_robot(robot, SECONDS, begin.q, begin.v, samples=101, method="general"))
 
 
+@pytest.mark.slow
 def test_the_four_bar_swings_for_ten_seconds():
     check(simulate_robot(p3dof.load_robot(FOLDER / "four_bar.urdf"), SECONDS, samples=101, method="general"))
 

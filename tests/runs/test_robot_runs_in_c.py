@@ -138,6 +138,7 @@ def test_its_error_is_of_order_four():
     assert (np.abs(orders - 4) < 0.4).all(), orders
 
 
+@pytest.mark.slow
 def test_loops_stay_closed_over_ten_seconds(in_c):
     loop, compiled = kept("stewart")
     q, home = home_of(loop)

@@ -549,6 +549,7 @@ def coarse(png):
     return np.asarray(image.resize((32, 24), Image.Resampling.BOX)).astype(float)
 
 
+@pytest.mark.slow
 def test_the_pictures_of_the_documentation(robot, tmp_path):
     """Make them anew, and compare what they show; where it has changed, the new ones are to be committed."""
     pytest.importorskip("PIL", reason="Pillow is not installed")
@@ -677,6 +678,7 @@ def test_once_ends_by_itself(browser, files, robot, robot_too):
         assert process.returncode == 0
 
 
+@pytest.mark.slow
 def test_once_ends_where_nobody_looks(files):
     with running("show", "--meshcat", "--motion", files / "motion.csv", "--once", "--speed", 4) as (
         process,

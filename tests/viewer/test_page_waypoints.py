@@ -137,6 +137,7 @@ def test_the_fastest_motion_is_within_the_limits_and_python_makes_the_same_of_it
     assert_allclose(run["force"], forces, rtol=0, atol=1e-9 * LIMITS.force)
 
 
+@pytest.mark.slow
 def test_the_power_limit_and_a_payload_make_it_slower(watched, tmp_path):
     corners(watched)
     watched.page.get_by_label("How long it takes").select_option("fastest")
