@@ -141,6 +141,7 @@ TESTS = {
         "any_robot",
     ),
     "p3dof/loops/batch/hybrid.py": ("hybrid_dynamics",),
+    "p3dof/loops/batch/traced.py": ("traced", "closed_loop_batch", "batch_targets"),
     "p3dof/loops/closure_kinds.py": (*KINDS,),
     "p3dof/loops/closure_joints.py": ("reactions", "any_robot", "elastic_reactions", "closure_wrenches"),
     "p3dof/loops/closure_tangents.py": (*LOOPS,),

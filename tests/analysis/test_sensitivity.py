@@ -191,6 +191,9 @@ def test_results_that_make_no_indices_are_refused(values, told):
         sobol_indices(values, tuple(ISHIGAMI))
     with pytest.raises(InputError, match="in 2 of 2 matched rows"):
         sobol_indices(np.full(10, np.inf), tuple(ISHIGAMI), on_missing="drop")
+    with pytest.raises(InputError, match="in 1 of 2 matched rows"):
+        sobol_indices([*np.full(5, np.inf), *range(5)], tuple(ISHIGAMI), on_missing="drop")
+    assert sobol_indices([*np.full(5, np.inf), *range(10)], tuple(ISHIGAMI), on_missing="drop").rows == 2
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import fsolve
+from scipy.stats import norm
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
@@ -185,7 +186,11 @@ def test_tables_of_machines_drawn_are_those_of_each_machine() -> None:
     assert 0 < gone < 12
     sizes = np.abs(each).max(axis=1)
     sizes = np.column_stack([sizes, sizes.max(axis=1)])
-    spread = each.std(axis=0, ddof=1).max(axis=0)
+    deviation = each.std(axis=0, ddof=1)
+    half = norm.ppf(0.975) * deviation
+    assert_allclose(found.low, each.mean(axis=0) - half, rtol=0, atol=1e-9)
+    assert_allclose(found.high, each.mean(axis=0) + half, rtol=0, atol=1e-9)
+    spread = deviation.max(axis=0)
     nominal = np.abs(p3dof.load().inverse_dynamics(motion, method="pinocchio").forces).max(axis=0)
     in_order = np.sort(sizes, axis=0)
     place = 0.95 * (len(each) - 1)

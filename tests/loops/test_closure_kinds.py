@@ -462,3 +462,23 @@ def test_how_far_a_body_is_turned_has_the_derivatives_of_the_closed_form(y):
         allowed = 2e-15 if y < 0.05 else 2e-14  # beyond, the closed form loses a digit where it begins
         for number, exact in zip(found, expected, strict=True):
             assert abs(number - exact) <= allowed * abs(exact)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 1e-3, 9.9e-3, 0.0101, 0.5, 3.0])
+def test_rates_of_a_rotation_vector_have_sixteen_digits(angle):
+    """The inverse of the left Jacobian of SO(3) in fifty digits, on both sides of where the series ends."""
+    turn = angle * np.array([0.6, -0.48, 0.64])
+    slider, errors, rows = object.__new__(_KINDS["slider"]), [], []
+    slider.rotation(pin.exp3(turn).tolist(), errors, rows)
+    with mpmath.workdps(50):
+        x, y, z = (mpmath.mpf(float(value)) for value in errors)
+        across = mpmath.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        inverse = mpmath.eye(3)
+        if angle:
+            size = mpmath.sqrt(x * x + y * y + z * z)
+            factor = 1 / size**2 - (1 + mpmath.cos(size)) / (2 * size * mpmath.sin(size))
+            inverse += across * across * factor
+        inverse -= across / 2
+        expected = np.array(inverse.tolist(), dtype=float)
+    found = np.reshape(rows, (3, 6))[:, 3:]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=4e-16 if angle < 0.01 else 1e-12)

@@ -560,6 +560,8 @@ def test_joined_motions_follow_each_other():
     assert both.duration == pytest.approx(2.5)
     np.testing.assert_array_equal(both.pose[10:31], np.vstack([there.pose[-1:], back.pose[1:]]))
     Motion(*arrays(both))
+    later = dataclasses.replace(back, time=back.time + 7.0)  # whatever time a motion itself begins at
+    np.testing.assert_allclose(Motion.joined(there, later, there).time, both.time, rtol=0, atol=1e-14)
     assert_same_bits(Motion.joined(there), there)
     with pytest.raises(MotionError, match=r"number 2 to begin with the pose .* that number 1 ends with"):
         Motion.joined(there, there)

@@ -80,6 +80,7 @@ def test_what_was_kept_of_another_call_is_not_taken():
         {"wrench": np.ones(6)},
         {"wrench": 2 * np.ones(6)},
         {"wrench": p3dof.WrenchHistory([0, 1], np.ones((2, 6)))},
+        {"wrench": p3dof.WrenchHistory([0, 1], 3 * np.ones((2, 6)))},
         {"samples": 6},
         {"samples": [0.01, 0.02]},
         {"stop_at": ["tilt limit"]},

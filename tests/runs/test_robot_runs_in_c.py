@@ -430,10 +430,19 @@ def test_many_runs_end_at_limits_or_by_the_robot_itself():
     free = trees.free(loop, q)[:, 0]
     speeds = np.array([6.0, 5.0, 30.0])
     columns = {"q": q, "v": speeds[:, None] * free / free[0]}
+    told = []
     found = simulate_robot_many(
-        loop, 0.3, columns, stop_at=(), samples=6, control=ControlLoop(), integration=steps(2e-4)
+        loop,
+        0.3,
+        columns,
+        stop_at=(),
+        samples=6,
+        control=ControlLoop(),
+        integration=steps(2e-4),
+        progress=lambda *done: told.append(done),
     )
     assert found.general.tolist() == [False, False, True]
+    assert told == [(2, 3), (3, 3)]  # one of the block was not to be trusted
     for i, v in enumerate(columns["v"]):
         exact = simulate_robot(loop, 0.3, q, v, samples=6, stop_at=(), integration=EXACT, method="general")
         np.testing.assert_allclose(found.past["q"][i], exact.q, rtol=0, atol=1e-6)
@@ -446,6 +455,7 @@ def test_many_runs_end_at_limits_or_by_the_robot_itself():
     assert all(stop.kind == "joint limit" for stop in runs_.stop)
     one = simulate_robot(other, 0.4, controller=[0.1, 0.0], integration=steps(), method="general")
     assert runs_.stop[1].time == pytest.approx(one.stop.time, abs=1e-9)
+    assert runs_.stop[1].reason == one.stop.reason
     assert np.isnan(runs_.past["q"][1, -1]).all()
 
 

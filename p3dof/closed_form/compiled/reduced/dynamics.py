@@ -182,7 +182,7 @@ def mass_matrix(model: Model, x: Shape, y: Scalar, xp: Namespace) -> Matrix:
 
 
 def forward_dynamics(
-    model: Model, x: Shape, state: State, forces: Vector, xp: Namespace, wrench: Vector = (0, 0, 0)
+    model: Model, x: Shape, state: State, forces: Vector, xp: Namespace, wrench: Vector
 ) -> Vector:
     """Return the acceleration of the pose under actuator forces; ÿ, z̈, θ̈."""
     F, Q = loads(model, x, state._replace(ay=0, az=0, atheta=0), xp, wrench)
