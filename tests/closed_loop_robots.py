@@ -241,6 +241,13 @@ def parallelogram(width: float = 0.3, length: float = 0.4) -> str:
 PARALLELOGRAM_SIDECAR = Sidecar((Closure("bar_tip", "right_tip"),), ("left_joint",))
 
 
+def flat_parallelogram(size: float = 1.0) -> str:
+    """Such a parallelogram, drawn flat: at q = 0 the rank is 1."""
+    width = 0.3 * size
+    xml = parallelogram(width, 0.4 * size).replace('rpy="0.0 -1.5707963267948966 0.0"', 'rpy="0.0 0.0 0.0"')
+    return xml.replace(f'xyz="0.0 0.0 {width}"', f'xyz="{width} 0.0 0.0"')
+
+
 def differences(
     f: Callable[[float], np.ndarray], model: pin.Model | None = None, h: float = 2e-3
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -77,8 +77,7 @@ def selftest(
 def _states(robot: ClosedLoopModel, compiled: CompiledLoop) -> list[_State]:
     """Return motions that keep the loops closed, always the same."""
     draw, found = np.random.default_rng(1), []
-    start = np.array(robot.assemble().q)
-    for q in closed_configurations(robot, start, seed=1)[:_COUNT]:
+    for q in closed_configurations(robot, robot.regular_configuration, seed=1)[:_COUNT]:
         J = robot.closure_jacobian(q)
         free = np.linalg.svd(J)[2][robot.rank(q) :].T if J.size else np.eye(robot.model.nv)
         v = free @ draw.normal(size=free.shape[1])
@@ -152,13 +151,13 @@ def _run(prefix: str, function: Function) -> str:
 
 def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) -> str:
     """Return tables of a motion of the motors and the forces for it, and what tests them."""
-    start = np.array(robot.assemble().q)
+    start = robot.regular_configuration
     home = np.array([_value(robot, start, name) for name in robot.actuated])
     time, phase = np.arange(_SAMPLES)[:, None] / _RATE, np.arange(len(home))
     w = 2 * np.pi * 2.0
     target = home + _SWING * (np.sin(w * time + phase) - np.sin(phase))
     rates = _SWING * w * np.cos(w * time + phase), -_SWING * w * w * np.sin(w * time + phase)
-    states = robot.complete_batch(target, *rates)
+    states = robot.complete_batch(target, *rates, guess=start)
     forces = robot.inverse_dynamics_batch(states.q, states.v, states.a).tau
     motion = next(function for function in functions if function.name == "motion")
     return fill(

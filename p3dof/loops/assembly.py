@@ -737,6 +737,7 @@ _SHAKE = 0.3  # standard deviation of the random starts of the last resort [m or
 _SHAKES = 3  # how many of them there are
 RESTARTS = 20  # how many starts from anywhere there are, where nothing else closes the loops
 _SAME = 1e-6  # configurations nearer than this are the same [m or rad]
+_STEP = 0.05  # how far from the reference the usual rank is looked for [m or rad]
 
 
 class Assembler:
@@ -772,18 +773,37 @@ class Assembler:
         """
         if not self.kinematics.size:
             return 0
+        ranks = Counter(svd.rank for _, svd in self._nearby(_STEP, 4))
+        return ranks.most_common(1)[0][0] if ranks else None
+
+    def regular(self, actuated_v: NDArray[np.intp]) -> FloatArray | None:
+        """`ClosedLoopModel.regular_configuration`; None if the loops cannot be closed."""
+        nearby = [*self._nearby(_STEP, 4)]
+        if not nearby or nearby[0][1].rank == self.generic_rank:
+            return nearby[0][0] if nearby else None
+        nearby += [one for step in (2 * _STEP, 4 * _STEP, 8 * _STEP) for one in self._nearby(step, 8)]
+
+        def evidence(one: tuple[FloatArray, Decomposition]) -> float:
+            """How far closures are from losing rank, times how much of each free motion the motors see."""
+            svd = one[1]
+            seen = np.linalg.svd(svd.null_space[actuated_v], compute_uv=False)
+            return float(svd.s[svd.rank - 1] / svd.s[0] * seen.min(initial=1.0))
+
+        return max((one for one in nearby if one[1].rank == self.generic_rank), key=evidence)[0]
+
+    def _nearby(self, step: float, count: int) -> Iterator[tuple[FloatArray, Decomposition]]:
+        """Yield the closed reference configuration, then closed ones near it, which are always the same."""
         if not self._home.complete:
-            return None
+            return
         home = self.kinematics.at(self._home.point.q)
-        free = home.svd.null_space
-        generator = np.random.default_rng(0)
-        ranks = Counter([home.svd.rank])
-        for _ in range(4 if free.size else 0):
+        yield home.q, home.svd
+        free, generator = home.svd.null_space, np.random.default_rng(0)
+        for _ in range(count if free.size else 0):
             direction = free @ generator.normal(size=free.shape[1])
-            near = pin.integrate(self.model, home.q, 0.05 * direction / np.linalg.norm(direction))
+            near = pin.integrate(self.model, home.q, step * direction / np.linalg.norm(direction))
             path = least_squares(self._loops, near, TOLERANCE)
-            ranks.update([self.kinematics.at(path.point.q).svd.rank] if path.complete else [])
-        return ranks.most_common(1)[0][0]
+            if path.complete:
+                yield path.point.q, self.kinematics.at(path.point.q).svd
 
     def _solve(self, system: System, start: FloatArray, tolerance: float) -> tuple[Path, bool]:
         """Follow the path from `start`, else fall back; the flag says whether the assembly was kept."""

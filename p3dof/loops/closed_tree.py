@@ -127,6 +127,11 @@ class ClosedTree:
         """`ClosedLoopModel.generic_rank`."""
         return self.assembler.generic_rank
 
+    @cached_property
+    def regular(self) -> FloatArray | None:
+        """`ClosedLoopModel.regular_configuration`."""
+        return self.assembler.regular(self.actuated_v)
+
     def configuration(self, name: str, q: ArrayLike) -> FloatArray:
         """Return a configuration (nq,) after checking shape and norms."""
         array = frozen_array(name, q, (self.model.nq,))

@@ -87,6 +87,21 @@ class LoopModel:
         """Rank of the closures around the reference configuration; None if the loops do not close there."""
         return self._own.generic_rank
 
+    @property
+    def regular_configuration(self) -> FloatArray:
+        """A closed configuration (nq,) of the generic rank: the reference, or one nearby if it is singular.
+
+        A four-bar that lies flat in its reference configuration has a smaller rank and more mobility there
+        than anywhere else, so that accelerations and forces are not determined.
+
+        Raises
+        ------
+        AssemblyError
+            If the loops do not close at the reference configuration.
+        """
+        found = self._own.regular
+        return np.array(self.assemble().q if found is None else found)
+
     @classmethod
     def from_urdf(
         cls,

@@ -146,6 +146,7 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
         ("rows of closures and couplings", str(sum(s.stop - s.start for s in loop.constraint_rows))),
         ("largest gap", f"{gap:.1e} m or rad" if math.isfinite(gap) else NONE),
         ("rank", NONE if seen is None else str(seen.rank)),
+        *_at_reference(loop, seen),
         ("mobility", NONE if seen is None else str(seen.mobility)),
         ("actuated joints", str(len(loop.actuated))),
     ]
@@ -157,6 +158,37 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
         ]
     rows += [("moving mass", f"{number(float(mass))} kg"), ("gravity", f"{_vector(loop)} m/s²")]
     return Table(f"Robot {model.name}", ("", "value"), tuple(rows), layout="words")
+
+
+def _at_reference(loop: LoopModel, seen: Overview | None) -> list[tuple[str, str]]:
+    """Return the rank at the reference configuration, where that is singular."""
+    rank = None if seen is None else loop.rank(loop.assemble().q)
+    return [] if seen is None or rank == seen.rank else [("rank at the reference", f"{rank}, singular")]
+
+
+_AXIAL = ("hinge", "slider", "cylindrical", "planar")  # closures that the z axes of their frames matter to
+
+
+def doubts(loop: LoopModel, seen: Overview) -> list[str]:
+    """Return what to look at first of a robot with a singular reference, or less mobility than motors."""
+    found = []
+    rank = loop.rank(loop.assemble().q)
+    if rank != seen.rank:
+        values = joint_values(loop, loop.regular_configuration)
+        near = ", ".join(f"{name}={float(row[0]):.3g}" for name, row in values.items() if len(row) == 1)
+        found.append(
+            f"the reference configuration is singular: the closures have rank {rank} there and {seen.rank} "
+            "nearby, where what is said here holds. Motions and forces are not determined at the reference; "
+            f"a regular one near it, for 'reference' of the sidecar: {near}"
+        )
+    axial = [closure.name for closure in loop.sidecar.closures if closure.kind in _AXIAL]
+    if axial and seen.mobility < max(1, len(loop.actuated)):
+        found.append(
+            f"the mobility is {seen.mobility}, with {len(loop.actuated)} actuated joints: is the z axis of "
+            f"both frames of {axial[0]} the axis of the joint? Closures turn and slide about z, whatever the "
+            "axes of other joints are"
+        )
+    return found
 
 
 def assembly_table(loop: LoopModel, assembly: Assembly) -> Table:

@@ -201,6 +201,12 @@ class ScaledTree(Workspace):
         """`ClosedTree.generic_rank`."""
         return self.core.generic_rank
 
+    @property
+    def regular(self) -> FloatArray | None:
+        """`ClosedTree.regular`."""
+        found = self.core.regular
+        return None if found is None else np.asarray(found * self.of_q)
+
     def rank(self, q: ArrayLike) -> int:
         """`ClosedTree.rank`."""
         return self.core.rank(self.q(q))

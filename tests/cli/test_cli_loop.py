@@ -102,6 +102,41 @@ def test_info_of_many_joints_is_a_table_on_80_columns(capsys, tmp_path, monkeypa
     assert re.search(r"passive joints\W+28\b", out)
 
 
+def test_info_of_a_singular_reference_says_what_holds_beside_it(capsys, tmp_path):
+    path, sidecar = tmp_path / "flat.urdf", tmp_path / "flat.yaml"
+    path.write_text(robots.flat_parallelogram(), encoding="utf-8")
+    sidecar.write_text(robots.PARALLELOGRAM_SIDECAR.to_yaml(), encoding="utf-8")
+    code, out, err = loop(capsys, "info", path)
+    assert (code, err) == (0, "")
+    cells = dict(re.findall(r"│ ([a-z ]+?) +│ (.+?) +│", out))
+    assert (cells["rank"], cells["mobility"], cells["rank at the reference"]) == ("2", "1", "1, singular")
+    told = " ".join(out.split())
+    assert "the closures have rank 1 there and 2 nearby" in told
+    values = dict(re.findall(r"(\w+)=(-?[\d.]+)", told))
+    assert set(values) == {"left_joint", "bar_joint", "right_joint"}
+    named = p3dof.load_robot(path, sidecar, reference={name: float(x) for name, x in values.items()})
+    assert named.rank(named.assemble().q) == 2
+
+
+def test_info_doubts_the_axis_of_a_hinge_that_takes_the_mobility(capsys, tmp_path):
+    path, sidecar = tmp_path / "bar.urdf", tmp_path / "bar.yaml"
+    hinged = Sidecar((Closure("bar_tip", "right_tip", "hinge"),), ("left_joint",))
+    sidecar.write_text(hinged.to_yaml(), encoding="utf-8")
+    doubt = "is the z axis of both frames of bar_tip/right_tip the axis of the joint?"
+    quarter = repr(np.pi / 2)
+    across, along = ("0.0 0.0 0.0", f"0.0 -{quarter} 0.0"), (f"{quarter} 0.0 0.0",) * 2
+    for turns, mobility in ((across, 0), (along, 1)):
+        xml = robots.parallelogram()
+        for place, turn in zip(("0.3 0.0 0.0", "0.4 0.0 0.0"), turns, strict=True):
+            tip = f'_tip"/><origin xyz="{place}" rpy='
+            assert xml.count(tip) == 1
+            xml = xml.replace(f'{tip}"0.0 0.0 0.0"', f'{tip}"{turn}"')
+        path.write_text(xml, encoding="utf-8")
+        told = " ".join(loop(capsys, "info", path)[1].split())
+        assert f"│ mobility │ {mobility} │" in told
+        assert (doubt in told) == (mobility == 0)
+
+
 def test_info_of_what_does_not_close(capsys, tmp_path):
     path, sidecar = tmp_path / "open.urdf", tmp_path / "loops.yaml"
     path.write_text(robots.four_bar(2.0, 0.2, 0.45, 0.35))

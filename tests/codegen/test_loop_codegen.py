@@ -9,6 +9,7 @@ from dataclasses import replace
 import closed_trees as trees
 import numpy as np
 import pytest
+from closed_loop_robots import PARALLELOGRAM_SIDECAR, flat_parallelogram
 from command_line import run
 from compilers import CC, COMPILED, CPP, each_c
 from gallery import GALLERY, gallery
@@ -43,6 +44,15 @@ def written(tmp_path_factory):
         for file, text in loop_files(gallery(name), **options).files.items():
             (base / name / file).write_text(text, encoding="utf-8")
     return base
+
+
+def test_a_robot_with_a_singular_reference_is_tested_beside_it(tmp_path):
+    flat = p3dof.loops.ClosedLoopModel.from_urdf(flat_parallelogram(), PARALLELOGRAM_SIDECAR)
+    for file, text in loop_files(flat, "bar").files.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    done = make(tmp_path, "check", f"CC={CC}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "all is well" in done.stdout
 
 
 @each_c

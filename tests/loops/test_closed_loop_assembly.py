@@ -371,14 +371,26 @@ def test_a_singular_configuration_is_flagged_by_its_rank(parallelogram):
 
 
 def test_the_generic_rank_is_not_spoiled_by_a_singular_neutral_configuration():
-    # The same parallelogram, drawn flat: at q = 0 the rank is 1.
-    xml = robots.parallelogram().replace('rpy="0.0 -1.5707963267948966 0.0"', 'rpy="0.0 0.0 0.0"')
-    loop = ClosedLoopModel.from_urdf(
-        xml.replace('xyz="0.0 0.0 0.3"', 'xyz="0.3 0.0 0.0"'), robots.PARALLELOGRAM_SIDECAR
-    )
+    loop = ClosedLoopModel.from_urdf(robots.flat_parallelogram(), robots.PARALLELOGRAM_SIDECAR)
     assert np.abs(loop.closure_error(np.zeros(3))).max() < 1e-15
     assert loop.rank(np.zeros(3)) == 1
     assert loop.generic_rank == 2
+    regular = loop.regular_configuration
+    assert loop.rank(regular) == 2
+    assert np.abs(loop.closure_error(regular)).max() < 1e-12
+    assert 0.05 < np.abs(regular).max() < 0.5  # near the reference, and well away from where it is singular
+    s = np.linalg.svd(loop.closure_jacobian(regular), compute_uv=False)
+    assert s[1] > 0.01 * s[0]
+    usual = ClosedLoopModel.from_urdf(robots.parallelogram(), robots.PARALLELOGRAM_SIDECAR)
+    np.testing.assert_array_equal(usual.regular_configuration, usual.assemble().q)
+
+
+def test_a_regular_configuration_is_in_metres_whatever_the_size_of_the_robot():
+    small = ClosedLoopModel.from_urdf(robots.flat_parallelogram(1e-3), robots.PARALLELOGRAM_SIDECAR)
+    assert small.unit_of_length < 0.01
+    assert (small.rank(np.zeros(3)), small.generic_rank) == (1, 2)
+    assert small.rank(small.regular_configuration) == small.generic_rank
+    assert np.abs(small.closure_error(small.regular_configuration)).max() < 1e-15
 
 
 # --- failures -----------------------------------------------------------------------------------------------

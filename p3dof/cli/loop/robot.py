@@ -30,6 +30,7 @@ from p3dof.loops.sidecar import suggestion
 from p3dof.loops.tables import (
     assembly_table,
     closures_table,
+    doubts,
     facts_table,
     joint_values,
     joints_table,
@@ -220,20 +221,21 @@ def info(robot: ClosedLoopModel, inputs: list[Path], listed: bool) -> int:
     """
     del inputs
     console = Console()
-    problem, seen, gap = "", None, float("nan")
+    problem, seen, gap, told = "", None, float("nan"), []
     try:
         assembly = robot.assemble()
     except AssemblyError as error:
         problem, gap = str(error), error.gap
     else:
-        seen, gap = overview(robot, assembly.q), assembly.gap
+        seen, gap = overview(robot, robot.regular_configuration), assembly.gap
+        told = doubts(robot, seen)
     tables = [facts_table(robot, seen, gap)]
     if listed:
         tables.append(joints_table(robot, seen))
     if robot.constraint_rows:
         tables.append(closures_table(robot, seen))
     show(console, *tables)
-    print_warnings(console, [problem] if problem else [])
+    print_warnings(console, [problem] if problem else told)
     return FAILED if problem else 0
 
 

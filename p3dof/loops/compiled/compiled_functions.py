@@ -310,7 +310,7 @@ class CompiledFunctions:
 
 def _configurations(loop: LoopModel, around: ArrayLike | None) -> list[FloatArray]:
     if around is None:
-        return closed_configurations(loop, np.array(loop.assemble().q))
+        return closed_configurations(loop, loop.regular_configuration)
     rows = frozen_array("around", np.atleast_2d(as_floats("around", around)), ("K", loop.model.nq))
     if not len(rows):
         raise InputError("around: expected at least one configuration")
