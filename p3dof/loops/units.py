@@ -10,6 +10,7 @@ scaled there.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -153,6 +154,24 @@ class BatchTree:
         return kinematics.gaps(np.concatenate([np.zeros((0, kinematics.size)), *found]))
 
 
+_WITH_UNIT = re.compile(
+    r"(\d[-+.\de]*) (m or rad|m/s² or rad/s²|N or N m|\(SI units\))|(?<=expected at most )(\d[-+.\de]*)(?=;)"
+)
+
+
+def in_metres(words: str, unit: float) -> str:
+    """Return a message whose numbers are in a unit of length, with them in metres and newtons."""
+
+    def plain(found: re.Match[str]) -> str:
+        number, units = float(found[1] or found[3]), found[2] or "m or rad"
+        if units.startswith("(") or (found[3] and "(SI" in words):
+            return f"{number * unit:.3g} (of angles {number:.3g})" + " (SI units)" * bool(found[2])
+        own, other = units.split(" or ")
+        return f"{number * unit:.3g} {own} or {number * (unit**2 if own == 'N' else 1):.3g} {other}"
+
+    return _WITH_UNIT.sub(plain, words)
+
+
 class ScaledTree(Workspace):
     """A robot in its own unit of length, `core`; methods as of `ClosedTree`, in metres."""
 
@@ -184,14 +203,7 @@ class ScaledTree(Workspace):
 
     def told(self, error: P3dofError) -> P3dofError:
         """Return an error whose numbers name their units."""
-        words = str(error)
-        for old, new in (
-            (" m or rad", f" x {self._u:g} m or rad"),
-            (" m/s² or rad/s²", f" x {self._u:g} m/s² or rad/s²"),
-            (" N or N m", f" x {self._u:g} N or x {self._u**2:g} N m"),
-            (" (SI units)", f" (in SI units, but of length {self._u:g} m)"),
-        ):
-            words = words.replace(old, new)
+        words = in_metres(str(error), self._u)
         if isinstance(error, AssemblyError):
             return AssemblyError(words, error.gap * self._u)
         return type(error)(words)
