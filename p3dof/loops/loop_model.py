@@ -115,7 +115,7 @@ class LoopModel:
         """Build the model from a tree URDF and its sidecar; `p3dof.load_robot` reads more formats.
 
         Loops in the file itself are read too: those of URDF+ (``<loop>``, ``<coupling>``, ``independent``),
-        Drake's ball constraints, ``<mimic>``. At most 1000 links and 200 degrees of freedom are read.
+        Drake, Isaac Sim and Gazebo, ``<mimic>``. At most 1000 links and 200 degrees of freedom are read.
 
         Parameters
         ----------
@@ -130,7 +130,8 @@ class LoopModel:
         mimic : bool
             Whether ``<mimic>`` couples joints; else they are independent.
         on_unknown : {"raise", "ignore"}
-            What to do with elements that look like loops and are not understood.
+            What to do with elements that are not understood: refuse those that may hold links or joints
+            together and name the others in a warning, or leave all out without a word.
         passive : bool
             Whether the damping and friction of ``<dynamics>`` act; they are often guesses. What the sidecar
             says of a joint always does, and goes before.
@@ -138,8 +139,8 @@ class LoopModel:
         Raises
         ------
         ModelError
-            If a file is missing, malformed or too large, names something that does not exist, or has what
-            looks like a loop and is not understood.
+            If a file is missing, malformed or too large, names something that does not exist, or has what may
+            hold links or joints together and is not understood.
         InputError
             If `root_joint` is not a joint model.
         """

@@ -54,12 +54,14 @@ def load_robot(
     mimic: bool = True,
     on_unknown: Literal["raise", "ignore"] = "raise",
     passive: bool | None = None,
+    bushings: Literal["closures"] | None = None,
 ) -> ClosedLoopModel:
     """Return a robot with (or without) closed loops.
 
-    Read are URDF with the sidecar of the Gepetto team's collection or of this package, URDF+, Drake's ball
-    constraints, ``<mimic>``, and MJCF (with the extra ``mjcf``). What looks like a loop and is not understood
-    is an error. Meshes are not needed.
+    Read are URDF with the sidecar of the Gepetto team's collection or of this package, the loops of URDF+,
+    Drake, Isaac Sim and Gazebo in it, ``<mimic>``, and MJCF (with the extra ``mjcf``). An element of a URDF
+    that is not understood is named in a warning; one that may hold links or joints together is an error.
+    Meshes are not needed.
 
     Parameters
     ----------
@@ -67,7 +69,8 @@ def load_robot(
         The path of a file, its text, or the name of a robot of example-robot-data, such as ``"panda"`` (with
         the extra ``models``), which floats if it does there.
     sidecar : Sidecar, mapping, str or path-like, optional
-        Loops and actuated joints that the file does not hold, see `Sidecar`. By default the file of the same
+        Loops and actuated joints that the file does not hold, see `Sidecar`. Its actuated joints go before
+        those that ``<transmission>`` and ``<ros2_control>`` name. By default the file of the same
         name that ends in ``.yaml``, if it is a sidecar; an empty tuple for none.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link of a URDF, such as ``pin.JointModelFreeFlyer()``; by
@@ -80,17 +83,22 @@ def load_robot(
     mimic : bool
         Whether ``<mimic>`` couples joints; else they are independent.
     on_unknown : {"raise", "ignore"}
-        What to do with elements of a URDF that look like loops and are not understood.
+        What to do with elements of a URDF that are not understood: refuse those that may hold links or joints
+        together and name the others in a warning, or leave all out without a word.
     passive : bool, optional
         Whether springs, damping and friction act that the robot's own file gives to its joints: by default
         those of an MJCF, whose users mean them, and not those of a URDF, which are often guesses. They become
         `Sidecar.joint_data`; what the sidecar says of a joint always acts, and goes before.
+    bushings : {"closures"}, optional
+        Takes Drake's bushings for the closures that they stand for: a stiffness against forces alone is a
+        point, against two torques too a hinge, against all but one force a slider, against all a rigid
+        connection. One below 1/1000 of the largest of its kind holds nothing. By default they are an error.
 
     Raises
     ------
     ModelError
-        If a file is missing, malformed or too large, names something that does not exist, or has what looks
-        like a loop and is not understood.
+        If a file is missing, malformed or too large, names something that does not exist, or has what may
+        hold links or joints together and is not understood.
     InputError
         If an argument does not fit the format.
     MissingExtraError
@@ -107,17 +115,15 @@ def load_robot(
     root = _root(source)
     given = sidecar if sidecar is not None or path is None else _beside(path)
     state = reference if isinstance(reference, str) else None
+    _check_arguments(root, root_joint=root_joint, srdf_file=srdf_file, bushings=bushings)
     if root == "mujoco":
-        for what, value in (("root_joint", root_joint), ("srdf_file", srdf_file)):
-            if value is not None:
-                raise InputError(f"{what}: an MJCF file has its own, expected None")
         tree, found = mjcf.read(source, state)
         if passive is False:
             found = replace(found, joint_data=())
         found = _joined(found, sidecar_of(given))
         found = replace(found, joint_data=with_armature(tree, found.joint_data))
     else:
-        tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive))
+        tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive), bushings)
         if srdf_file is not None:
             values = srdf.state_of(srdf_file, state, list(tree.names)[1:])
             found = replace(found, reference=values)
@@ -126,6 +132,13 @@ def load_robot(
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
     return _closed(tree, found, path, given)
+
+
+def _check_arguments(root: str, **of_urdf: Any) -> None:
+    """Refuse arguments that a format has no use for."""
+    for what, value in of_urdf.items():
+        if value is not None and root == "mujoco":
+            raise InputError(f"{what}: an MJCF file has its own, expected None")
 
 
 def _closed(tree: pin.Model, found: Sidecar, path: str | None, given: SidecarLike) -> ClosedLoopModel:

@@ -748,4 +748,4 @@ def test_an_element_that_looks_like_a_loop_names_the_option_that_leaves_it_out(c
     path.write_text(robots.robot(robots.link("base", robots.BAR), "<tendon/>"))
     code, _, error = loop(capsys, "info", path)
     assert code == 2
-    assert "<tendon> looks like a loop, and is not understood (--ignore-unknown leaves it out)" in error
+    assert "<tendon> may hold links or joints together, and is not understood (--ignore-unknown" in error

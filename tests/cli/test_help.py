@@ -59,7 +59,7 @@ OPTIONS = r"""
 --generations | whole number | Largest number of generations of
 --gradient | COLUMN | Column by which all results
 --grid | whole number | Number of poses of the
---ignore-unknown | flag | Ignore elements that look like
+--ignore-unknown | flag | Ignore elements of a URDF
 --in-time | flag | Also simulate the motion with
 --index | NAME | Performance index
 --inertia | JOINT | Joint of a body whose

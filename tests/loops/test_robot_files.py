@@ -1,6 +1,7 @@
 """Robots from other people's files: what is read, what is refused, and that it is the same machine."""
 
 import math
+import re
 import warnings
 from xml.etree import ElementTree as Xml
 
@@ -15,6 +16,7 @@ from robot_texts import BALL, GEAR, ROTOR, SRDF, chain, loop
 import p3dof
 from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof.loops import Closure, Coupling, Sidecar
+from p3dof.loops.formats import urdf, urdf_elements
 from p3dof.loops.robots import load_robot
 from p3dof.loops.trees import with_joints
 
@@ -222,15 +224,87 @@ def test_drakes_ball_constraint_is_a_point_closure():
     assert loaded.sidecar.closures == (Closure("ball_constraint_1_A", "ball_constraint_1_B"),)
 
 
+LOOP_JOINT = (
+    '<loop_joint name="ring" type="{}"><link1 link="lower" xyz="0.4 0 0"/><link2 link="base"/></loop_joint>'
+)
+GAZEBO = (
+    '<gazebo><joint name="c" type="{}"><parent>base</parent><child>lower</child><pose>0.4 0 0 0 0 0</pose>'
+    "<axis><xyz>0 1 0</xyz></axis></joint></gazebo>"
+)
+
+
 @pytest.mark.parametrize(
     ("xml", "message"),
     [
-        (chain('<loop_joint name="x"/>'), "<loop_joint> looks like a loop"),
-        (chain("<tendon/>"), "<tendon> looks like a loop"),
-        (chain('<drake:distance_constraint name="x"/>'), "<drake:distance_constraint> looks like a loop"),
         (
-            chain('<gazebo><joint name="c" type="revolute"><child>a</child></joint></gazebo>'),
-            "<joint> in <gazebo>",
+            chain('<loop_joint name="x"/>'),
+            "<loop_joint name='x'>: type: expected one of revolute, .*, got ''",
+        ),
+        (
+            chain('<loop_joint type="fixed"><link1 link="base"/></loop_joint>'),
+            "expected <link1> and <link2>, got 1",
+        ),
+        (
+            chain(LOOP_JOINT.format("revolut")),
+            "<loop_joint name='ring'>: type: expected one of revolute, .*, got",
+        ),
+        (
+            chain(LOOP_JOINT.format("fixed").replace("lower", "lover")),
+            "'lover' does not exist; did you mean 'lower'",
+        ),
+        (
+            chain(LOOP_JOINT.format("fixed").replace("lower", "base")),
+            "expected two links that move against each other",
+        ),
+        (chain("<tendon/>"), "<tendon> may hold links or joints together, and is not understood"),
+        (
+            chain('<drake:distance_constraint name="x"/>'),
+            "<drake:distance_constraint> may hold links or joints",
+        ),
+        (
+            chain(GAZEBO.format("gearbox")),
+            "<joint name='c'>: type: expected one of revolute, .*, got 'gearbox'",
+        ),
+        (
+            chain(GAZEBO.format("ball").replace("lower", "lover")),
+            "the link 'lover' does not exist; did you mean 'lower'",
+        ),
+        (chain(GAZEBO.format("ball").replace("<child>lower</child>", "")), "the element <child> is missing"),
+        (
+            chain(GAZEBO.format("ball").replace("0.4 0", "0.4 x")),
+            "<pose>: expected 6 finite numbers, got '0.4 x",
+        ),
+        (
+            chain(GAZEBO.format("ball").replace("<pose>", '<pose relative_to="base">')),
+            "<pose> relative_to: expected the child link, got 'base'",
+        ),
+        (
+            chain(GAZEBO.format("revolute").replace("0 1 0", "0 0 0")),
+            "<axis>: expected a direction, got zero",
+        ),
+        (
+            chain(GAZEBO.format("revolute").replace("<xyz>", '<xyz expressed_in="base">')),
+            "<axis>: expected an axis in the joint's own frame",
+        ),
+        (
+            chain(GAZEBO.format("universal").replace("0 1 0", "0 0 1")),
+            "expected <axis> and <axis2> perpendicular to each other",
+        ),
+        (
+            chain('<frame name="upper" link="lower"/>'),
+            "<frame name='upper'>: a frame 'upper' is there already",
+        ),
+        (chain('<frame link="lower"/>'), "<frame>: it has no name"),
+        (
+            chain('<frame name="x" link="lover"/>'),
+            "<frame>: the link 'lover' does not exist; did you mean 'lower'",
+        ),
+        (chain('<fixed_frame name="x"/>'), "<fixed_frame name='x'>: the element <parent> is missing"),
+        (
+            chain("<a/>").replace(
+                "<a/>", '<link name="b"/><link name="c"/><link name="d"/><link name="e"/><link name="f"/>'
+            ),
+            "expected one root link, got base, b, c, d, e, f$",
         ),
         (chain(loop("screw")), "<loop name='ring'>: type: expected one of revolute, .*, got 'screw'"),
         (chain(loop(a="lover")), "the link 'lover' does not exist; did you mean 'lower'"),
@@ -312,7 +386,8 @@ def test_a_bushing_that_closes_a_loop_is_named_with_its_line(tmp_path):
     path.write_text(text, encoding="utf-8")
     line = line_of(text, "<drake:linear_bushing_rpy")
     with pytest.raises(
-        ModelError, match=rf"four_bar\.urdf, line {line}: <drake:linear_bushing_rpy> looks like"
+        ModelError,
+        match=rf"four_bar\.urdf, line {line}: <drake:linear_bushing_rpy> is a spring and damper between",
     ):
         load_robot(path)
     assert load_robot(path, on_unknown="ignore").model.nv == 2
@@ -351,9 +426,500 @@ def test_what_ties_nothing_that_is_loose_says_nothing(xml, options):
 
 
 def test_what_is_not_understood_may_be_left_out_by_the_users_own_word():
-    assert load_robot(chain('<loop_joint name="x"/>'), on_unknown="ignore").model.nv == 2
+    unknown = (
+        f'<tendon/><weight a="1"/><loop_joint name="x"/>{GAZEBO.format("gearbox")}{MIMIC.format(name="x")}'
+    )
+    loaded = load_robot(chain(unknown), on_unknown="ignore")
+    assert (loaded.model.nv, loaded.sidecar.closures) == (2, ())
+    assert load_robot(chain(LOOP_JOINT.format("fixed")), on_unknown="ignore").sidecar.closures
     with pytest.raises(InputError, match="on_unknown: expected 'raise' or 'ignore', got 'skip'"):
         load_robot(chain(), on_unknown="skip")
+
+
+# Loops in other dialects of URDF: the same machine as with a sidecar ----------------------------------------
+
+MACHINE = robots.robot(
+    robots.link("base"),
+    robots.link("crank", robots.ROD),
+    robots.link("coupler", robots.BAR),
+    robots.link("end", robots.ROD),
+    robots.link("rocker", robots.ARM),
+    robots.joint("crank_joint", "base", "crank", (0.1, 0, 0), rpy=(0, -1.1, 0)),
+    robots.joint("coupler_joint", "crank", "coupler", (0.3, 0.05, 0), rpy=(0, 0.8, 0)),
+    robots.joint("end_joint", "coupler", "end", (0.4, 0, 0), rpy=(0, 0.3, 0)),
+    robots.joint("rocker_joint", "base", "rocker", (0.6, 0.02, 0), rpy=(0, -1.6, 0)),
+)
+"""Four hinges about y in a plane, which a closure between `end` and `rocker` makes a ring."""
+ALONG = {"slider": (math.cos(0.4), 0.0, math.sin(0.4))}  # the free axis in space, y for all others
+TURN = pin.SE3(
+    pin.rpy.rpyToMatrix(0.3, 0.2, -0.5), np.array([0.35, 0.02, 0.03])
+)  # of the joint in the rocker
+
+
+def on_links(of_rocker):
+    """The same place on `end` and on `rocker`, where all joints are zero."""
+    model = pin.buildModelFromXML(MACHINE)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    end, rocker = (data.oMf[model.getFrameId(name)] for name in ("end", "rocker"))
+    return end.inverse() * rocker * of_rocker, of_rocker, rocker * of_rocker
+
+
+def numbers(values):
+    return " ".join(repr(float(value)) for value in values)
+
+
+def attributes(place):
+    return f'xyz="{numbers(place.translation)}" rpy="{numbers(pin.rpy.matrixToRpy(place.rotation))}"'
+
+
+def with_frame_axes(kind, rotation):
+    """A rotation in space whose z is the free axis; of a universal joint x is y in space, and y across it."""
+    free = np.array(ALONG.get(kind, (0.0, 1.0, 0.0)))
+    other = np.cross(free, rotation[:, 0])
+    other /= np.linalg.norm(other)
+    if kind == "universal":
+        return np.column_stack((free, other, np.cross(free, other)))
+    return np.column_stack((other, np.cross(free, other), free))
+
+
+def same_machine(text, kind, **options):
+    """Read a text, and the machine with marks and a sidecar; compare their mobility, motion and forces."""
+    world = on_links(TURN)[2]
+    aligned = TURN * pin.SE3(world.rotation.T @ with_frame_axes(kind, world.rotation), np.zeros(3))
+    marks = ""
+    for name, place in zip(("end", "rocker"), on_links(aligned), strict=False):
+        marks += robots.link(f"{name}_mark") + robots.joint(
+            f"{name}_glue",
+            name,
+            f"{name}_mark",
+            place.translation,
+            kind="fixed",
+            rpy=pin.rpy.matrixToRpy(place.rotation),
+        )
+    actuated = ("crank_joint", "rocker_joint")[: 1 if kind == "6d" else 2]
+    expected = load_robot(
+        MACHINE.replace("</robot>", f"{marks}</robot>"),
+        Sidecar((Closure("end_mark", "rocker_mark", kind),), actuated),
+    )
+    loaded = load_robot(MACHINE.replace("</robot>", f"{text}</robot>"), **options)
+    (closure,) = loaded.sidecar.closures
+    assert closure.kind == kind
+    loaded = p3dof.ClosedLoopModel(loaded.model, Sidecar((closure,), actuated))
+    start = np.full(len(actuated), 0.03)
+    motion = [robot.complete(start, 2 * start + 0.1, 0.4 - start) for robot in (loaded, expected)]
+    for name in ("q", "v", "a"):
+        np.testing.assert_allclose(*(getattr(one, name) for one in motion), rtol=0, atol=1e-9)
+    mobility = [
+        robot.model.nv - robot.rank(one.q) for robot, one in zip((loaded, expected), motion, strict=True)
+    ]
+    assert mobility == [len(actuated)] * 2
+    tau = [
+        robot.inverse_dynamics(one.q, one.v, one.a).tau
+        for robot, one in zip((loaded, expected), motion, strict=True)
+    ]
+    np.testing.assert_allclose(*tau, rtol=0, atol=1e-9 * np.abs(tau[1]).max())
+    return loaded
+
+
+def axes(kind):
+    """The axes in the joint's own frame."""
+    world = on_links(TURN)[2].rotation
+    wanted = world.T @ with_frame_axes(kind, world)
+    return (wanted[:, 0], wanted[:, 1]) if kind == "universal" else (wanted[:, 2], wanted[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("revolute", "hinge"),
+        ("continuous", "hinge"),
+        ("prismatic", "slider"),
+        ("ball", "3d"),
+        ("universal", "universal"),
+        ("fixed", "6d"),
+    ],
+)
+def test_a_joint_of_gazebo_closes_a_loop_as_in_sdf(kind, expected):
+    """The pose is in the child, the axes in the joint, and the joint is closed where all others are zero."""
+    first, second = (f"<xyz>{numbers(axis)}</xyz>" for axis in axes(expected))
+    pose = numbers((*TURN.translation, *pin.rpy.matrixToRpy(TURN.rotation)))
+    text = (
+        f'<gazebo><joint name="ring" type="{kind}"><parent>end</parent><child> rocker\n</child>'
+        f"<pose>{pose}</pose>"
+        f"<axis>{first}<limit><lower>-1</lower></limit></axis><axis2>{second}</axis2></joint></gazebo>"
+    )
+    loaded = same_machine(text, expected)
+    assert loaded.sidecar.closures[0].name == "ring_parent/ring_child"
+
+
+def test_a_joint_of_gazebo_may_hold_a_link_on_the_world():
+    """Its axis is z, as in SDF, where nothing is said."""
+    text = (
+        GAZEBO.format("prismatic")
+        .replace("<parent>base", "<parent>world")
+        .replace("<axis><xyz>0 1 0</xyz></axis>", "")
+    )
+    loaded = load_robot(chain(text))
+    (closure,) = loaded.sidecar.closures
+    assert closure == Closure("c_parent", "c_child", "slider")
+    parent, child = (
+        loaded.model.frames[loaded.model.getFrameId(name)] for name in (closure.frame1, closure.frame2)
+    )
+    assert parent.parentJoint == 0
+    np.testing.assert_allclose(parent.placement.translation, [0.8, 0, 0], rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(child.placement.rotation, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [("revolute", "hinge"), ("prismatic", "slider"), ("spherical", "3d"), ("fixed", "6d")],
+)
+@pytest.mark.parametrize("second", ["link1", "link2"])
+def test_a_loop_joint_closes_a_loop(kind, expected, second):
+    """Isaac Sim's documentation calls both links <link1>."""
+    end, rocker, _ = on_links(TURN)
+    axis = f'<axis xyz="{numbers(axes(expected)[0])}"/>'
+    places = [f'link="end" {attributes(end)}/>', f'link="rocker" {attributes(rocker)}/>']
+    if second == "link2":
+        places[1] = f'link="rocker"><origin {attributes(rocker)}/></link2>'
+    text = f'<loop_joint name="ring" type="{kind}"><link1 {places[0]}<{second} {places[1]}{axis}</loop_joint>'
+    assert same_machine(text, expected).sidecar.closures[0].name == "ring_1/ring_2"
+
+
+def bushing(forces, torques, rotation=None):
+    """Drake's bushing between two of its frames."""
+    turn = TURN if rotation is None else TURN * pin.SE3(rotation, np.zeros(3))
+    end, rocker, _ = on_links(turn)
+    return (
+        f'<frame name="on_end" link="end" {attributes(end)}/>'
+        f'<frame name="on_rocker" link="rocker" {attributes(rocker)}/>'
+        '<drake:linear_bushing_rpy><drake:bushing_frameA name="on_end"/>'
+        '<drake:bushing_frameC name="on_rocker"/>'
+        f'<drake:bushing_torque_stiffness value="{torques}"/><drake:bushing_torque_damping value="1 1 1"/>'
+        f'<drake:bushing_force_stiffness value="{forces}"/><drake:bushing_force_damping value="1 1 1"/>'
+        "</drake:linear_bushing_rpy>"
+    )
+
+
+def with_axis(kind, index):
+    """A rotation that brings an axis of the frames along the free one."""
+    world = on_links(TURN)[2].rotation
+    return np.roll(world.T @ with_frame_axes(kind, world), index + 1, axis=1)
+
+
+STIFF = "3e4 2e4 3e4"
+BUSHINGS = [
+    (STIFF, "0 0 0", "3d", None),
+    (STIFF, STIFF, "6d", None),
+    (STIFF, "0 5e3 1e3", "hinge", 0),
+    (STIFF, "5e3 0.5 1e3", "hinge", 1),  # next to nothing
+    (STIFF, "5e3 1e3 0", "hinge", 2),
+    ("0 3e4 2e4", STIFF, "slider", 0),
+    ("3e4 2e4 0", STIFF, "slider", 2),
+]
+
+
+@pytest.mark.parametrize(("forces", "torques", "kind", "index"), BUSHINGS)
+def test_a_bushing_of_drake_is_the_closure_that_it_stands_for(forces, torques, kind, index):
+    rotation = None if index is None else with_axis(kind, index)
+    text = bushing(forces, torques, rotation)
+    loaded = same_machine(text, kind, bushings="closures")
+    assert loaded.sidecar.closures[0].name == "bushing_1_A/bushing_1_C"
+    with pytest.raises(ModelError, match="is a spring and damper between two frames, no rigid connection"):
+        load_robot(MACHINE.replace("</robot>", f"{text}</robot>"))
+
+
+@pytest.mark.parametrize(("forces", "torques", "kind", "index"), BUSHINGS)
+def test_the_forces_of_a_bushing_vanish_where_its_closure_holds(forces, torques, kind, index):
+    pytest.importorskip("pydrake", reason="make test EXTRAS=all installs it")
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import MultibodyPlant
+    from pydrake.multibody.tree import MultibodyForces
+
+    rotation = None if index is None else with_axis(kind, index)
+    text = MACHINE.replace("</robot>", f"{bushing(forces, torques, rotation)}</robot>")
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModelsFromString(text, "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    plant.Finalize()
+    context, found = plant.CreateDefaultContext(), MultibodyForces(plant)
+    actuated = ("crank_joint", "rocker_joint")[: 1 if kind == "6d" else 2]
+    loaded = load_robot(text, bushings="closures")
+    loaded = p3dof.ClosedLoopModel(loaded.model, Sidecar(loaded.sidecar.closures, actuated))
+    q = loaded.complete(*np.full((3, len(actuated)), 0.03)).q
+
+    def force(q):
+        for name, value in zip(list(loaded.model.names)[1:], q, strict=True):
+            plant.GetJointByName(name).set_angle(context, value)
+        plant.CalcForceElementsContribution(context, found)
+        return np.abs(plant.CalcGeneralizedForces(context, found)).max()
+
+    assert force(q) < 3e4 * 1e-4  # of the softest torque, which holds nothing
+    if "0.5" not in torques:
+        assert force(q) < 3e4 * 1e-10
+    assert force(q + np.array([0.0, 0.0, 0.0, 0.01])) > 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            bushing("0 0 1", "0 0 0"),
+            "expected the stiffness of a point .* got forces 0 0 1 and torques 0 0 0",
+        ),
+        (bushing(STIFF, "1 0 0"), r"got forces 30000 20000 30000 and torques 1 0 0"),
+        (bushing("0 1 1", "0 1 1"), "expected the stiffness of a point"),
+        (bushing("-1 1 1", "0 1 1"), "expected no negative stiffness"),
+        (
+            bushing("1 1", "0 1 1"),
+            "<drake:bushing_force_stiffness> value: expected 3 finite numbers, got '1 1'",
+        ),
+        (
+            bushing(STIFF, STIFF).replace('frameC name="on_rocker"', 'frameC name="on_rock"'),
+            "'on_rock' does not exist",
+        ),
+        (
+            bushing(STIFF, STIFF).replace("bushing_frameC", "bushing_frame"),
+            "<drake:bushing_frameC> is missing",
+        ),
+        (
+            bushing(STIFF, STIFF).replace('frameC name="on_rocker"', 'frameC name="end"'),
+            "expected two links that move against each other",
+        ),
+    ],
+)
+def test_a_bushing_that_stands_for_no_closure_is_one_clear_error(text, message):
+    with pytest.raises(ModelError, match=message) as error:
+        load_robot(MACHINE.replace("</robot>", f"{text}</robot>"), bushings="closures")
+    assert "\n" not in str(error.value)
+    with pytest.raises(InputError, match="bushings: expected 'closures' or None, got 'yes'"):
+        load_robot(MACHINE, bushings="yes")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<frame name="tool" link="lower" xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>',
+        '<fixed_frame name="tool"><parent link="lower"/><origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
+        "</fixed_frame>",
+    ],
+)
+def test_a_frame_of_the_file_is_one_of_the_model(text):
+    model = load_robot(chain(text)).model
+    frame = model.frames[model.getFrameId("tool")]
+    assert model.names[frame.parentJoint] == "elbow"
+    np.testing.assert_allclose(frame.placement.translation, [0.1, 0.2, 0.3], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        frame.placement.rotation, pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), rtol=0, atol=1e-15
+    )
+
+
+@pytest.mark.parametrize("kind", ["fixed", "revolute"])
+def test_a_link_may_hang_on_a_world_that_nobody_declares(kind):
+    text = chain(robots.joint("foot", "world", "base", (0, 0, 0.5), kind=kind))
+    loaded = load_robot(text)
+    declared = load_robot(text.replace('<link name="base"/>', '<link name="world"/><link name="base"/>'))
+    assert loaded.model.nv == declared.model.nv == 2 + (kind == "revolute")
+    q, v, a = np.random.default_rng(1).random((3, loaded.model.nv))
+    tau = [robot.inverse_dynamics(q, v, a).tau for robot in (loaded, declared)]
+    np.testing.assert_allclose(*tau, rtol=1e-12)
+    with pytest.raises(ModelError, match="expected one root link, got base, world"):
+        load_robot(chain(robots.link("box") + robots.joint("foot", "world", "box", kind=kind)))
+
+
+# Motors ----------------------------------------------------------------------------------------------------
+
+TRANSMISSION = (
+    '<transmission name="drive"><type>transmission_interface/SimpleTransmission</type><joint name="{}">'
+    '<hardwareInterface>EffortJointInterface</hardwareInterface></joint><actuator name="motor">'
+    "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>"
+)
+CONTROL = (
+    '<ros2_control name="arm" type="system"><hardware><plugin>mock</plugin></hardware><joint name="{}">'
+    '<command_interface name="effort"/><state_interface name="position"/></joint><joint name="elbow">'
+    '<state_interface name="position"/></joint></ros2_control>'
+)
+HINGE = loop("spherical")
+
+
+@pytest.mark.parametrize("text", [TRANSMISSION, CONTROL])
+def test_joints_with_motors_by_the_files_own_word_are_actuated(text):
+    closed = chain(
+        robots.link("mark") + robots.joint("free", "lower", "mark") + text.format("shoulder") + HINGE
+    )
+    assert load_robot(closed).actuated == ("shoulder",)
+    assert load_robot(closed, {"closed_loop": [], "type": [], "name_mot": ["elbow"]}).actuated == ("elbow",)
+    with pytest.warns(ModelWarning, match="these joints of a tree have no motor .* says so: 'elbow'$"):
+        assert load_robot(chain(text.format("shoulder"))).actuated == ("shoulder",)
+
+
+@pytest.mark.parametrize("text", [TRANSMISSION, CONTROL])
+def test_motors_of_joints_that_follow_others_or_do_not_move_count_for_nothing(text):
+    follows = '<mimic joint="shoulder"/>'
+    loaded = load_robot(
+        chain(text.format("elbow") + text.format("shoulder").replace("elbow", "wheel"), second=follows)
+    )
+    assert loaded.actuated == ("shoulder",)
+    assert load_robot(chain(text.format("wheel"))).actuated == ("shoulder", "elbow")
+    assert load_robot(
+        chain(text.format("elbow").replace("command_interface", "state_interface").replace("actuator", "pid"))
+    ).actuated == ("shoulder", "elbow")
+
+
+def test_a_locked_joint_follows_nothing():
+    mark = robots.link("mark") + robots.joint("glue", "lower", "mark", kind="fixed").replace(
+        "</joint>", '<mimic joint="elbow"/></joint>'
+    )
+    loaded = load_robot(chain(mark))
+    assert (loaded.actuated, loaded.sidecar.couplings) == (("shoulder", "elbow"), ())
+
+
+# Elements that are not understood --------------------------------------------------------------------------
+
+TIES = [
+    '<linkage a="upper" b="lower"/>',
+    '<pair><first joint="shoulder"/><second joint="elbow"/></pair>',
+    "<pair>upper lower</pair>",
+    "<pair><first>upper</first>\n<second>robot::lower</second></pair>",
+    '<gazebo><joint:hinge name="x"><body1>upper</body1><body2>base</body2></joint:hinge></gazebo>',
+    '<gazebo reference="upper"><rope to="base"/></gazebo>',
+    '<drake:tendon_constraint><drake:tendon_constraint_joint name="elbow"/></drake:tendon_constraint>',
+    '<drake:mimic joint="shoulder"/>',
+    "<belt/>",
+    '<mujoco><equality><connect body1="base" body2="lower"/></equality></mujoco>',
+]
+
+
+@pytest.mark.parametrize("text", TIES)
+def test_what_may_hold_joints_together_is_an_error_with_its_line(text, tmp_path):
+    (tmp_path / "robot.urdf").write_text(chain("\n" + text), encoding="utf-8")
+    with pytest.raises(
+        ModelError, match=r"robot\.urdf, line 2: <.*may hold links or joints together"
+    ) as error:
+        load_robot(tmp_path / "robot.urdf")
+    assert "\n" not in str(error.value)
+    assert load_robot(chain(text), on_unknown="ignore").model.nv == 2
+
+
+@pytest.mark.parametrize(
+    "text", ['<pull joint="shoulder"/>', '<pull to="base"/>', '<mimicked by="shoulder">x</mimicked>']
+)
+def test_what_ties_a_joint_from_inside_is_an_error(text):
+    with pytest.raises(ModelError, match=r"in <joint> may hold links or joints together"):
+        load_robot(chain(second=text))
+    with pytest.raises(ModelError, match="the attribute 'with' of <joint> may hold links"):
+        load_robot(chain().replace('<joint name="elbow"', '<joint with="shoulder" name="elbow"'))
+
+
+def test_all_else_that_is_not_understood_is_one_warning_with_its_lines(tmp_path):
+    inside = '\n<spring stiffness="3"/>\n<limits upper="1"/>\n<own joint="elbow" link="lower"/>'
+    text = chain(
+        '\n<weather wind="3"/><weather wind="4"/>\n<gazebo reference="upper"><loop_rate>10</loop_rate>'
+        "</gazebo>"
+        '\n<ros2_control name="a" mood="good"/>\n<sound/>',
+        second=inside,
+    )
+    (tmp_path / "robot.urdf").write_text(text, encoding="utf-8")
+    told = (
+        r"robot\.urdf: not understood, and left out: <spring> in <joint> \(line 2\), <limits> in <joint> "
+        r"\(line 3\), <own> in <joint> \(line 4\), <weather> \(line 5\) and 3 more$"
+    )
+    with pytest.warns(ModelWarning, match=told) as found:
+        assert load_robot(tmp_path / "robot.urdf").model.nv == 2
+    assert len(found) == 1
+    load_robot(tmp_path / "robot.urdf", on_unknown="ignore")
+
+
+QUIET = """
+<material name="red"><color rgba="1 0 0 1"/></material>
+<gazebo reference="upper"><mu1>0.2</mu1><material>Gazebo/Red</material><selfCollide>true</selfCollide>
+  <sensor name="c" type="contact"><contact><collision>lower</collision></contact>
+  <plugin name="p" filename="libx.so"><bodyName>upper</bodyName><frameName>lower</frameName></plugin></sensor>
+</gazebo>
+<drake:collision_filter_group name="g"><drake:member link="upper"/><drake:member link="lower"/>
+</drake:collision_filter_group>
+<sensor name="imu" type="imu"><parent link="lower"/></sensor>
+<mujoco><compiler discardvisual="true"/></mujoco>
+"""
+INSIDE = '<safety_controller k_velocity="1"/><calibration rising="0"/>'
+
+
+def test_what_public_files_have_beside_their_dynamics_says_nothing():
+    text = chain(QUIET, second=INSIDE).replace(
+        '<link name="base"/>',
+        '<link name="base"><origin xyz="0 0 0" rpy="0 -0 0"/><visual><geometry><mesh filename="upper"/>'
+        '</geometry></visual><contact><lateral_friction value="1"/></contact></link>',
+    )
+    load_robot(text)  # warnings are errors
+    numbered = text.replace('"upper"', '"1"').replace('"lower"', '"0"')
+    load_robot(numbered)  # links may be called as numbers are
+
+
+def test_a_plugin_that_names_joints_in_its_own_way_is_named():
+    text = chain(RATE.replace("<loop_rate>", "<driver>shoulder</driver><finger>elbow</finger><loop_rate>"))
+    with pytest.warns(ModelWarning, match=r"<plugin name='control'> \(it names elbow, shoulder\) \(line 3\)"):
+        load_robot(text)
+    follows = '<joint name="elbow"><param name="mimic">shoulder</param></joint>'
+    text = f'<ros2_control name="a" type="system">{follows}</ros2_control>'
+    with pytest.warns(ModelWarning, match="<ros2_control> makes the joint 'elbow' follow another one"):
+        load_robot(chain(text))
+    load_robot(chain(text, second='<mimic joint="shoulder"/>'))
+
+
+def random_places(text, count, seed):
+    """Places in a text between its elements, below the first."""
+    begin, end = text.index(">") + 1, text.rindex("</robot>")
+    places = [found.end() for found in re.finditer(">", text) if begin <= found.end() <= end]
+    return np.random.default_rng(seed).choice(places, count)
+
+
+def test_a_random_element_that_names_two_links_or_joints_never_passes_in_silence():
+    texts = [
+        chain(
+            ROTOR + GEAR + QUIET + TRANSMISSION.format("shoulder") + CONTROL.format("shoulder"), second=INSIDE
+        ),
+        chain(BALL + loop() + RATE, second='<mimic joint="shoulder"/>'),
+        MACHINE.replace(
+            "</robot>", f"{bushing(STIFF, STIFF)}{GAZEBO.format('ball').replace('lower', 'end')}</robot>"
+        ),
+        robots.four_bar(*robots.FOUR_BAR),
+    ]
+    rng = np.random.default_rng(7)
+    for text in texts:
+        tree = Xml.fromstring(text.replace("drake:", "drake."))  # noqa: S314 - our own
+        names = [part.get("name") for part in tree if part.tag in ("link", "joint")]
+        for place in random_places(text, 250, 5):
+            one, two = rng.choice(names, 2, replace=False)
+            tag = rng.choice(["strut", "drake:strut", "tie", "joint2", "x:link"])
+            inside = rng.choice(
+                [
+                    f'<{tag} p="{one}" q="{two}"/>',
+                    f"<{tag}><p>{one}</p><q>{two}</q></{tag}>",
+                    f"<{tag}>{one} {two}</{tag}>",
+                ]
+            )
+            refused = []
+            with warnings.catch_warnings(record=True) as found:
+                warnings.simplefilter("always")
+                try:
+                    load_tree(text[:place] + inside + text[place:], bushings="closures")
+                except ModelError as error:
+                    refused.append(str(error))
+            told = [str(one.message) for one in found]
+            assert refused or any(f"<{tag}> in" in line for line in told), (inside, text[:place][-80:], told)
+            assert not any("\n" in line for line in (*told, *refused))
+
+
+def load_tree(text, **options):
+    """Read a URDF without the model of its loops, which takes longer than the file."""
+    return urdf.read(text, **options)
+
+
+def test_the_documentation_has_the_table_of_the_reader():
+    page = (ROOT / "docs/reference/urdf-elements.md").read_text(encoding="utf-8")
+    assert urdf_elements.table() in page, "write what table() of urdf_elements.py returns into the page"
 
 
 # SRDF, names, references -----------------------------------------------------------------------------------

@@ -222,6 +222,8 @@ def test_files_are_included_from_the_folder_only(tmp_path):
 def test_arguments_for_a_urdf_are_refused():
     with pytest.raises(InputError, match="root_joint: an MJCF file has its own"):
         load_robot(RICH, root_joint=pin.JointModelFreeFlyer())
+    with pytest.raises(InputError, match="bushings: an MJCF file has its own"):
+        load_robot(RICH, bushings="closures")
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch):

@@ -51,7 +51,7 @@ _ROBOT = options(
     click.option(
         "--ignore-unknown",
         is_flag=True,
-        help="Ignore elements that look like loop closures and are not supported.",
+        help="Ignore elements of a URDF that are not understood.",
     ),
 )
 
