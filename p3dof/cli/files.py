@@ -74,6 +74,18 @@ class InputFile(_Named):
         return path.absolute() if path == STREAM and str(value) != "-" else path
 
 
+class InputFolder(_Named):
+    """A folder to read from."""
+
+    name = "FOLDER"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path."""
+        if not Path(value).is_dir():
+            self.fail(f"expected a folder, got {value}", param, ctx)
+        return Path(value)
+
+
 class OutputFile(_Named):
     """A file to write, whose ending fits what is written."""
 

@@ -55,6 +55,7 @@ def load_robot(
     on_unknown: Literal["raise", "ignore"] = "raise",
     passive: bool | None = None,
     bushings: Literal["closures"] | None = None,
+    include_root: str | os.PathLike[str] | None = None,
 ) -> ClosedLoopModel:
     """Return a robot with (or without) closed loops.
 
@@ -93,6 +94,8 @@ def load_robot(
         Takes Drake's bushings for the closures that they stand for: a stiffness against forces alone is a
         point, against two torques too a hinge, against all but one force a slider, against all a rigid
         connection. One below 1/1000 of the largest of its kind holds nothing. By default they are an error.
+    include_root : path-like, optional
+        A folder below which an MJCF may include files; by default its own.
 
     Raises
     ------
@@ -115,9 +118,9 @@ def load_robot(
     root = _root(source)
     given = sidecar if sidecar is not None or path is None else _beside(path)
     state = reference if isinstance(reference, str) else None
-    _check_arguments(root, root_joint=root_joint, srdf_file=srdf_file, bushings=bushings)
+    _check_arguments(root, include_root, root_joint=root_joint, srdf_file=srdf_file, bushings=bushings)
     if root == "mujoco":
-        tree, found = mjcf.read(source, state)
+        tree, found = mjcf.read(source, state, include_root)
         if passive is False:
             found = replace(found, joint_data=())
         found = _joined(found, sidecar_of(given))
@@ -134,10 +137,14 @@ def load_robot(
     return _closed(tree, found, path, given)
 
 
-def _check_arguments(root: str, **of_urdf: Any) -> None:
+def _check_arguments(root: str, include_root: Any, **of_urdf: Any) -> None:
     """Refuse arguments that a format has no use for."""
+    if root != "mujoco":
+        if include_root is not None:
+            raise InputError("include_root: only an MJCF file includes others, expected None")
+        return
     for what, value in of_urdf.items():
-        if value is not None and root == "mujoco":
+        if value is not None:
             raise InputError(f"{what}: an MJCF file has its own, expected None")
 
 

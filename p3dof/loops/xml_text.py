@@ -117,11 +117,33 @@ def root_of(text: str, source: str) -> str:
         return str(begun)
 
 
-def check_includes(robot: Xml.Element, source: str | os.PathLike[str], name: str) -> None:
-    """Raise ModelError for an ``<include>`` of a file that is not below the folder of the one that has it."""
-    for element in robot.iter("include"):
-        if is_text(source):
+def check_includes(
+    robot: Xml.Element, source: str | os.PathLike[str], name: str, root: str | os.PathLike[str] | None = None
+) -> None:
+    """Raise ModelError for an ``<include>``, in included files too, of a file that is not below a folder."""
+    if root is not None and not Path(root).is_dir():
+        raise ModelError(f"include_root: expected a folder, got {shown(os.fspath(root))}")
+    if is_text(source):
+        if robot.find(".//include") is not None:
             raise ModelError(f"{name}: <include> needs the files beside it: give the path of the file")
-        folder, file = Path(source).resolve().parent, element.get("file", "")
-        if not (folder / file).resolve().is_relative_to(folder):
-            raise ModelError(f"{name}: <include>: {shown(file)} is outside the folder of the file")
+        return
+    folder = Path(source).resolve().parent
+    below = folder if root is None else Path(root).resolve()
+    seen, pending = {Path(source).resolve()}, [(robot, folder, name)]
+    while pending:
+        inside, beside, called = pending.pop()
+        for element in inside.iter("include"):
+            file = element.get("file", "")
+            # MuJoCo looks beside the first file, then beside the one that includes
+            for place in dict.fromkeys((folder, beside)):
+                path = (place / file).resolve()
+                if not path.is_relative_to(below) and (path.exists() or place == beside):
+                    where = "the folder of the file" if root is None else f"include_root={os.fspath(root)}"
+                    raise ModelError(
+                        f"{called}: <include>: {shown(file)} is outside {where} (include_root=FOLDER allows "
+                        "what is below another one)"
+                    )
+                if path.is_file() and path not in seen:
+                    seen.add(path)
+                    text, part = read_xml(path, "MJCF")
+                    pending.append((XmlReader(part).parse(text), path.parent, part))

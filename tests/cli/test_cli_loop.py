@@ -749,3 +749,21 @@ def test_an_element_that_looks_like_a_loop_names_the_option_that_leaves_it_out(c
     code, _, error = loop(capsys, "info", path)
     assert code == 2
     assert "<tendon> may hold links or joints together, and is not understood (--ignore-unknown" in error
+
+
+def test_an_mjcf_includes_files_below_a_folder_that_is_named(capsys, tmp_path):
+    pytest.importorskip("mujoco")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "part.xml").write_text(
+        '<mujoco><worldbody><body name="a"><joint name="j"/><geom size="0.1" mass="1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    (tmp_path / "own/robot.xml").write_text('<mujoco><include file="../part.xml"/></mujoco>')
+    code, _, error = loop(capsys, "info", tmp_path / "own/robot.xml")
+    assert code == 2
+    assert "'../part.xml' is outside the folder of the file (--include-root FOLDER allows" in error
+    code, out, _ = loop(capsys, "info", tmp_path / "own/robot.xml", "--include-root", tmp_path)
+    assert (code, "j" in out) == (0, True)
+    code, _, error = loop(capsys, "info", tmp_path / "own/robot.xml", "--include-root", tmp_path / "none")
+    assert code == 2
+    assert "expected a folder" in error

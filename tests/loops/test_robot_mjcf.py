@@ -219,11 +219,47 @@ def test_files_are_included_from_the_folder_only(tmp_path):
         load_robot(tmp_path / "robot.xml")
 
 
+def test_files_are_included_from_below_a_folder_that_the_user_allows(tmp_path):
+    """MuJoCo looks beside the first file, then beside the one that includes."""
+    own, parts = tmp_path / "robots" / "arm", tmp_path / "parts"
+    for folder in (own, parts, tmp_path / "robots" / "other"):
+        folder.mkdir(parents=True)
+    (parts / "all.xml").write_text('<mujoco><include file="part.xml"/></mujoco>')
+    (parts / "part.xml").write_text(f"<mujoco><worldbody>{BODY.format(BALL)}</worldbody></mujoco>")
+    (own / "robot.xml").write_text('<mujoco><include file="../../parts/all.xml"/></mujoco>')
+    with pytest.raises(ModelError, match=r"outside the folder of the file \(include_root=FOLDER allows"):
+        load_robot(own / "robot.xml")
+    assert load_robot(own / "robot.xml", include_root=tmp_path).model.nv == 1
+    with pytest.raises(ModelError, match=r"'../../parts/all.xml' is outside include_root="):
+        load_robot(own / "robot.xml", include_root=tmp_path / "robots")
+    (tmp_path.parent / "outside.xml").write_text("<mujoco/>")
+    (parts / "all.xml").write_text('<mujoco><include file="../../outside.xml"/></mujoco>')
+    with pytest.raises(ModelError, match=r"all.xml: <include>: '../../outside.xml' is outside include_root="):
+        load_robot(own / "robot.xml", include_root=tmp_path)
+    (parts / "all.xml").write_text("<mujoco><include")
+    with pytest.raises(ModelError, match=r"all.xml, line 1: not well-formed XML"):
+        load_robot(own / "robot.xml", include_root=tmp_path)
+    with pytest.raises(ModelError, match="include_root: expected a folder, got"):
+        load_robot(own / "robot.xml", include_root=tmp_path / "none")
+
+
+def test_what_an_included_file_includes_is_held_to_the_folder_too(tmp_path):
+    own = tmp_path / "own"
+    own.mkdir()
+    (tmp_path / "secret.xml").write_text(f"<mujoco><worldbody>{BODY.format(BALL)}</worldbody></mujoco>")
+    (own / "part.xml").write_text('<mujoco><include file="../secret.xml"/></mujoco>')
+    (own / "robot.xml").write_text('<mujoco><include file="part.xml"/></mujoco>')
+    with pytest.raises(ModelError, match=r"part.xml: <include>: '../secret.xml' is outside the folder"):
+        load_robot(own / "robot.xml")
+
+
 def test_arguments_for_a_urdf_are_refused():
     with pytest.raises(InputError, match="root_joint: an MJCF file has its own"):
         load_robot(RICH, root_joint=pin.JointModelFreeFlyer())
     with pytest.raises(InputError, match="bushings: an MJCF file has its own"):
         load_robot(RICH, bushings="closures")
+    with pytest.raises(InputError, match="include_root: only an MJCF file includes others"):
+        load_robot("<robot name='a'><link name='b'/></robot>", include_root=".")
 
 
 def test_without_mujoco_the_extra_is_named(monkeypatch):

@@ -20,7 +20,7 @@ from p3dof._base.files import read_text, write_atomic, write_table
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.cli.app import FAILED
-from p3dof.cli.files import STREAM, InputFile, OutputFile, console_beside, protect, write_results
+from p3dof.cli.files import STREAM, InputFile, InputFolder, OutputFile, console_beside, protect, write_results
 from p3dof.cli.kinds import options
 from p3dof.cli.loop import loop
 from p3dof.cli.output import in_options, print_warnings, print_written, say, show
@@ -48,12 +48,21 @@ _ROBOT = options(
         "state of the SRDF.",
     ),
     click.option("--srdf", type=InputFile(), help="SRDF file of a URDF, for --reference."),
+    click.option("--ignore-unknown", is_flag=True, help="Ignore elements of a URDF that are not understood."),
     click.option(
-        "--ignore-unknown",
-        is_flag=True,
-        help="Ignore elements of a URDF that are not understood.",
+        "--include-root",
+        type=InputFolder(),
+        help="Folder below which an MJCF may include files; its own by default.",
     ),
 )
+
+
+_OPTIONS = {
+    "on_unknown='ignore'": "--ignore-unknown",
+    "include_root=": "--include-root ",
+    "include_root:": "--include-root:",
+}
+"""What the arguments of `load_robot` are called here."""
 
 
 def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -67,13 +76,14 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
         reference: str | None,
         srdf: Path | None,
         ignore_unknown: bool,
+        include_root: Path | None,
         **others: Any,
     ) -> Any:
         if reference is not None and reference.lower().endswith(".csv"):
             raise InputError("--reference: expected a keyframe or group state; a motion is given by --motion")
         inputs = [path for path in (file, sidecar, srdf) if path is not None]
         protect(inputs, ())
-        with in_options({"on_unknown='ignore'": "--ignore-unknown"}):
+        with in_options(_OPTIONS):
             robot = load_robot(
                 _given(file),
                 None if sidecar is None else _given(sidecar),
@@ -81,6 +91,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
                 reference=reference,
                 srdf_file=srdf,
                 on_unknown="ignore" if ignore_unknown else "raise",
+                include_root=include_root,
             )
         if sidecar is None and file.suffix == ".urdf" and not robot.constraint_rows and robot.actuated:
             beside = file.with_suffix(".yaml").name

@@ -225,9 +225,11 @@ _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
 _UNIT = 1e-9  # how far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow
 
 
-def read(source: str | os.PathLike[str], key: str | None = None) -> tuple[pin.Model, Sidecar]:
+def read(
+    source: str | os.PathLike[str], key: str | None = None, include_root: str | os.PathLike[str] | None = None
+) -> tuple[pin.Model, Sidecar]:
     """Return the tree of an MJCF file and its loops."""
-    return _Translation(compiled(source), key).result()
+    return _Translation(compiled(source, include_root), key).result()
 
 
 def translation_of(source: str | os.PathLike[str]) -> tuple[Any, _Translation]:

@@ -18,7 +18,7 @@ from p3dof.loops.xml_text import XmlReader, check_includes, is_text, read_xml
 _EXTRA = "MJCF files are compiled by MuJoCo: pip install 'p3dof[mjcf]'"
 
 
-def compiled(source: str | os.PathLike[str]) -> Any:
+def compiled(source: str | os.PathLike[str], include_root: str | os.PathLike[str] | None = None) -> Any:
     """Return MuJoCo's model of a file."""
     try:
         import mujoco
@@ -28,7 +28,7 @@ def compiled(source: str | os.PathLike[str]) -> Any:
     robot = XmlReader(name).parse(text)
     if robot.tag != "mujoco":
         raise ModelError(f"{name}: expected the element <mujoco>, got <{robot.tag:.80}>")
-    check_includes(robot, source, name)
+    check_includes(robot, source, name, include_root)
     _check_numbers(robot, name)
     missing: list[tuple[str, str]] = []
     try:
