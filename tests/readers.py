@@ -335,6 +335,13 @@ def robot_files() -> list[bytes]:
         robot_texts.chain(robot_texts.ROTOR + robot_texts.GEAR + robot_texts.loop()).encode(),
         robot_texts.chain(robot_texts.BALL, second='<mimic joint="shoulder"/>').encode(),
         robots.hexapod().encode(),
+        robot_texts.chain(
+            robot_texts.LOOP_JOINT.format("spherical")
+            + robot_texts.GAZEBO.format("ball")
+            + robot_texts.QUIET
+            + robot_texts.CONTROL.format("shoulder")
+            + '<frame name="tool" link="lower" xyz="0 0 1"/>'
+        ).encode(),
         *((ROOT / "urdf" / name).read_bytes() for name in ("p3dof_plus.urdf", "p3dof_drake.urdf")),
     ]
 

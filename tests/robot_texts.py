@@ -38,6 +38,51 @@ BALL = (
     '<drake:ball_constraint_p_AP value="0.4 0 0"/>'
     '<drake:ball_constraint_body_B name="base"/></drake:ball_constraint>'
 )
+LOOP_JOINT = (
+    '<loop_joint name="ring" type="{}"><link1 link="lower" xyz="0.4 0 0"/><link2 link="base"/></loop_joint>'
+)
+GAZEBO = (
+    '<gazebo><joint name="c" type="{}"><parent>base</parent><child>lower</child><pose>0.4 0 0 0 0 0</pose>'
+    "<axis><xyz>0 1 0</xyz></axis></joint></gazebo>"
+)
+TRANSMISSION = (
+    '<transmission name="drive"><type>transmission_interface/SimpleTransmission</type><joint name="{}">'
+    '<hardwareInterface>EffortJointInterface</hardwareInterface></joint><actuator name="motor">'
+    "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>"
+)
+CONTROL = (
+    '<ros2_control name="arm" type="system"><hardware><plugin>mock</plugin></hardware><joint name="{}">'
+    '<command_interface name="effort"/><state_interface name="position"/></joint><joint name="elbow">'
+    '<state_interface name="position"/></joint></ros2_control>'
+)
+QUIET = """
+<material name="red"><color rgba="1 0 0 1"/></material>
+<gazebo reference="upper"><mu1>0.2</mu1><material>Gazebo/Red</material><selfCollide>true</selfCollide>
+  <sensor name="c" type="contact"><contact><collision>lower</collision></contact>
+  <plugin name="p" filename="libx.so"><bodyName>upper</bodyName><frameName>lower</frameName></plugin></sensor>
+</gazebo>
+<drake:collision_filter_group name="g"><drake:member link="upper"/><drake:member link="lower"/>
+</drake:collision_filter_group>
+<sensor name="imu" type="imu"><parent link="lower"/></sensor>
+<mujoco><compiler discardvisual="true"/></mujoco>
+"""
+INSIDE = '<safety_controller k_velocity="1"/><calibration rising="0"/>'
+RATE = """
+<gazebo>
+  <plugin filename="libgazebo_ros_control.so" name="control"><loop_rate>1000</loop_rate></plugin>
+  <sensor name="imu" type="imu"><plugin name="imu"><constraint_loop>1</constraint_loop></plugin></sensor>
+</gazebo>"""
+MIMIC = """
+<gazebo>
+  <plugin filename="libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so" name="{name}">
+    <joint>shoulder</joint><mimicJoint>elbow</mimicJoint><multiplier>-1.0</multiplier>
+  </plugin>
+</gazebo>"""
+BUSHING = """
+<drake:linear_bushing_rpy>
+  <drake:bushing_frameA name="lower"/><drake:bushing_frameC name="base"/>
+  <drake:bushing_force_stiffness value="3e4 3e4 3e4"/>
+</drake:linear_bushing_rpy>"""
 SRDF = (
     '<robot name="robot"><group_state name="home" group="arm"><joint name="shoulder" value="0.5"/>'
     "</group_state>"

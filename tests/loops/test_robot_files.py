@@ -11,7 +11,23 @@ import pinocchio as pin
 import pytest
 from documents import ROOT
 from other_robots import STAND_INS, load, others, urdf_of
-from robot_texts import BALL, GEAR, ROTOR, SRDF, chain, loop
+from robot_texts import (
+    BALL,
+    BUSHING,
+    CONTROL,
+    GAZEBO,
+    GEAR,
+    INSIDE,
+    LOOP_JOINT,
+    MIMIC,
+    QUIET,
+    RATE,
+    ROTOR,
+    SRDF,
+    TRANSMISSION,
+    chain,
+    loop,
+)
 
 import p3dof
 from p3dof._base.errors import InputError, ModelError, ModelWarning
@@ -224,15 +240,6 @@ def test_drakes_ball_constraint_is_a_point_closure():
     assert loaded.sidecar.closures == (Closure("ball_constraint_1_A", "ball_constraint_1_B"),)
 
 
-LOOP_JOINT = (
-    '<loop_joint name="ring" type="{}"><link1 link="lower" xyz="0.4 0 0"/><link2 link="base"/></loop_joint>'
-)
-GAZEBO = (
-    '<gazebo><joint name="c" type="{}"><parent>base</parent><child>lower</child><pose>0.4 0 0 0 0 0</pose>'
-    "<axis><xyz>0 1 0</xyz></axis></joint></gazebo>"
-)
-
-
 @pytest.mark.parametrize(
     ("xml", "message"),
     [
@@ -357,24 +364,6 @@ GAZEBO = (
 def test_what_is_not_understood_is_one_clear_error(xml, message):
     with pytest.raises(ModelError, match=message):
         load_robot(xml)
-
-
-BUSHING = """
-<drake:linear_bushing_rpy>
-  <drake:bushing_frameA name="lower"/><drake:bushing_frameC name="base"/>
-  <drake:bushing_force_stiffness value="3e4 3e4 3e4"/>
-</drake:linear_bushing_rpy>"""
-MIMIC = """
-<gazebo>
-  <plugin filename="libroboticsgroup_upatras_gazebo_mimic_joint_plugin.so" name="{name}">
-    <joint>shoulder</joint><mimicJoint>elbow</mimicJoint><multiplier>-1.0</multiplier>
-  </plugin>
-</gazebo>"""
-RATE = """
-<gazebo>
-  <plugin filename="libgazebo_ros_control.so" name="control"><loop_rate>1000</loop_rate></plugin>
-  <sensor name="imu" type="imu"><plugin name="imu"><constraint_loop>1</constraint_loop></plugin></sensor>
-</gazebo>"""
 
 
 def line_of(text, part):
@@ -731,16 +720,6 @@ def test_a_link_may_hang_on_a_world_that_nobody_declares(kind):
 
 # Motors ----------------------------------------------------------------------------------------------------
 
-TRANSMISSION = (
-    '<transmission name="drive"><type>transmission_interface/SimpleTransmission</type><joint name="{}">'
-    '<hardwareInterface>EffortJointInterface</hardwareInterface></joint><actuator name="motor">'
-    "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>"
-)
-CONTROL = (
-    '<ros2_control name="arm" type="system"><hardware><plugin>mock</plugin></hardware><joint name="{}">'
-    '<command_interface name="effort"/><state_interface name="position"/></joint><joint name="elbow">'
-    '<state_interface name="position"/></joint></ros2_control>'
-)
 HINGE = loop("spherical")
 
 
@@ -830,20 +809,6 @@ def test_all_else_that_is_not_understood_is_one_warning_with_its_lines(tmp_path)
         assert load_robot(tmp_path / "robot.urdf").model.nv == 2
     assert len(found) == 1
     load_robot(tmp_path / "robot.urdf", on_unknown="ignore")
-
-
-QUIET = """
-<material name="red"><color rgba="1 0 0 1"/></material>
-<gazebo reference="upper"><mu1>0.2</mu1><material>Gazebo/Red</material><selfCollide>true</selfCollide>
-  <sensor name="c" type="contact"><contact><collision>lower</collision></contact>
-  <plugin name="p" filename="libx.so"><bodyName>upper</bodyName><frameName>lower</frameName></plugin></sensor>
-</gazebo>
-<drake:collision_filter_group name="g"><drake:member link="upper"/><drake:member link="lower"/>
-</drake:collision_filter_group>
-<sensor name="imu" type="imu"><parent link="lower"/></sensor>
-<mujoco><compiler discardvisual="true"/></mujoco>
-"""
-INSIDE = '<safety_controller k_velocity="1"/><calibration rising="0"/>'
 
 
 def test_what_public_files_have_beside_their_dynamics_says_nothing():

@@ -53,6 +53,7 @@ _PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", 
 """What Pinocchio is given of a file: of each the first, so that there may be no second."""
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
+_LONG = 2000  # longest list in a message [characters]
 _SHORT = 1e-9
 """Length of an axis below which its direction is rounding, if it has one; one may be as much too long."""
 
@@ -228,10 +229,9 @@ def _check_tree(reader: _LinkReader) -> None:
         above[child] = joint
     roots = [link for link in reader.links if link not in above]
     if len(roots) > 1:
-        reader.fail(
-            f"expected one root link, got {', '.join(f'{root:.80}' for root in roots)}",
-            reader.links[roots[1]],
-        )
+        names = one_line(", ".join(f"{root:.80}" for root in roots), _LONG)
+        line = reader.links[roots[1]]
+        raise ModelError(f"{reader.source}, line {line}: expected one root link, got {names}")
     below: dict[str | None, list[str]] = {}
     for link, joint in above.items():
         below.setdefault(joint.parent, []).append(link)
@@ -357,25 +357,12 @@ def read(
     told = [] if ignore else [*tying_plugins(robot, free), *tying_parameters(robot, free)]
     lines = [f"{name}, line {line_of(element)}: {words}" for element, words in told]
     if found.unknown:
-        lines.append(f"{name}: not understood, and left out: {found.unknown}")
-    if sidecar is None and (idle := _without_motor(model, found)):
-        lines.append(
-            f"{name}: by <transmission> or <ros2_control>, these joints of a tree have no motor "
-            f"and are not actuated, unless a sidecar says so: {', '.join(map(shown, idle[:3]))}"
-            + f" and {len(idle) - 3} more"
-            * (len(idle) > 3)
-        )
+        lines.append(f"{name}: not understood, and left out: {one_line(found.unknown, _LONG)}")
+    if sidecar is None and not is_tree:
+        lines += _of_a_tree(None if is_text(source) else name, name, robot, model, found)
     for line in lines:
         warnings.warn(line, ModelWarning, stacklevel=3)
     if sidecar is None:
-        sign = "" if is_tree or found.closures else open_ends(None if is_text(source) else name, robot, model)
-        if sign:
-            warnings.warn(
-                f"the URDF is read as an open tree, but {sign}: give them as closures, "
-                "or closures=() if it is a tree",
-                ModelWarning,
-                stacklevel=3,
-            )
         return model, _acting(model, _completed(Sidecar.serial(model), found), passive, found)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
@@ -404,11 +391,26 @@ def _completed(serial: Sidecar, found: Declared) -> Sidecar:
     return Sidecar(tuple(found.closures), actuated, tuple(found.couplings))
 
 
-def _without_motor(model: pin.Model, found: Declared) -> list[str]:
-    """Return the joints of an open tree that nothing moves, where the file says which have motors."""
-    free = [name for name in Sidecar.serial(model).actuated if name not in found.dependent]
-    idle = [name for name in free if name not in found.motors]
-    return idle if len(idle) < len(free) and not found.closures else []
+def _of_a_tree(
+    path: str | None, name: str, robot: Xml.Element, model: pin.Model, found: Declared
+) -> list[str]:
+    """Return what there is to say of a URDF that is read as an open tree; nothing if it is none."""
+    if found.closures:
+        return []
+    if sign := open_ends(path, robot, model):
+        return [
+            f"the URDF is read as an open tree, but {sign}: give them as closures, or closures=() if it "
+            "is a tree"
+        ]
+    free = [joint for joint in Sidecar.serial(model).actuated if joint not in found.dependent]
+    idle = [joint for joint in free if joint not in found.motors]
+    if not idle or len(idle) == len(free):
+        return []
+    more = f" and {len(idle) - 3} more" if len(idle) > 3 else ""
+    return [
+        f"{name}: by <transmission> or <ros2_control>, these joints of a tree have no motor and are not "
+        f"actuated, unless a sidecar says so: {', '.join(map(shown, idle[:3]))}{more}"
+    ]
 
 
 def _new(found: Declared, sidecar: Sidecar) -> list:
