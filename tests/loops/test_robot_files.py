@@ -718,6 +718,17 @@ def test_a_link_may_hang_on_a_world_that_nobody_declares(kind):
         load_robot(chain(robots.link("box") + robots.joint("foot", "world", "box", kind=kind)))
 
 
+def test_a_loop_may_end_at_a_world_that_nobody_declares():
+    """As Drake has it; the root may float."""
+    text = chain(BALL.replace('"base"', '"world"'))
+    loaded = load_robot(text, root_joint=pin.JointModelFreeFlyer())
+    frame = loaded.model.frames[loaded.model.getFrameId("ball_constraint_1_B")]
+    assert (frame.parentJoint, loaded.model.nv, loaded.rank(pin.neutral(loaded.model))) == (0, 8, 3)
+    closed = bushing(STIFF, STIFF).replace('frameC name="on_rocker"', 'frameC name="world"')
+    loaded = load_robot(MACHINE.replace("</robot>", f"{closed}</robot>"), bushings="closures")
+    assert loaded.model.frames[loaded.model.getFrameId("bushing_1_C")].parentJoint == 0
+
+
 # Motors ----------------------------------------------------------------------------------------------------
 
 HINGE = loop("spherical")

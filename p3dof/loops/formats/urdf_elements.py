@@ -107,15 +107,18 @@ _SHAPES = (
 )
 _TEXT = "hardwareInterface mechanicalReduction mechanical_reduction offset role"
 IDLE: Mapping[str, str] = {
-    "robot": "material sensor group group_state disable_collisions end_effector drake:collision_filter_group",
-    "mujoco": "compiler option size visual statistic asset",
+    "robot": "material sensor author license group group_state disable_collisions end_effector "
+    "virtual_joint "
+    "passive_joint drake:collision_filter_group",
+    "mujoco": "compiler option size visual statistic asset default contact actuator sensor keyframe",
     "link": "visual collision contact material self_filter collision_checking surface gravity kinematic "
     f"audio_source self_collide {_SHAPES}",
     "joint": "calibration safety_controller joint_properties hardwareInterface drake:controller_gains",
     "gazebo": "material visual collision sensor sensor:* controller:* map:* interface:* mu mu1 mu2 mu3 fdir1 "
     "kp kd maxVel minDepth maxContacts laserRetro selfCollide self_collide fudgeFactor stopKp stopKd stopErp "
     "stopCfm provideFeedback implicitSpringDamper dampingFactor turnGravityOff gravity kinematic enable_wind "
-    "static canonicalBody initial_joint_position preserveFixedJoint disableFixedJointLumping light "
+    "static physics surface canonicalBody initial_joint_position preserveFixedJoint light "
+    "disableFixedJointLumping "
     "genTexCoord genNormals soft_cfm soft_erp cfmDamping torsional_friction allow_auto_disable",
     "gazebo/joint": "physics sensor",
     "gazebo/joint/axis": "limit",

@@ -323,7 +323,7 @@ class _LoopReader:
             part = self._part(element, f"drake:bushing_frame{end}")
             name = part.get("name", "")
             link, place = self._named.get(name, (name, pin.SE3.Identity()))
-            if link not in self._links:
+            if link not in self._links and link != "world":
                 help_ = suggestion(name, [*self._named, *self._links])
                 self.fail(part, f"<{part.tag}>: the frame {shown(name)} does not exist; {help_}")
             ends.append(self._frame(f"bushing_{number}_{end}", link, place * turn))
@@ -472,7 +472,7 @@ class _LoopReader:
 
     def _link(self, part: Xml.Element, attribute: str = "link") -> str:
         name = part.get(attribute, "")
-        if name not in self._links:
+        if name not in self._links and name != "world":
             help_ = suggestion(name, self._links)
             self.fail(part, f"<{part.tag}>: the link {shown(name)} does not exist; {help_}")
         return name
