@@ -741,8 +741,11 @@ def test_joints_with_motors_by_the_files_own_word_are_actuated(text):
     )
     assert load_robot(closed).actuated == ("shoulder",)
     assert load_robot(closed, {"closed_loop": [], "type": [], "name_mot": ["elbow"]}).actuated == ("elbow",)
+    tree = chain(text.format("shoulder"))  # of trees, a limit of effort says it too
+    assert load_robot(tree).actuated == ("shoulder", "elbow")
+    swinging = tree.replace('effort="9"', 'effort="0"')
     with pytest.warns(ModelWarning, match="these joints of a tree have no motor .* says so: 'elbow'$"):
-        assert load_robot(chain(text.format("shoulder"))).actuated == ("shoulder",)
+        assert load_robot(swinging).actuated == ("shoulder",)
 
 
 @pytest.mark.parametrize("text", [TRANSMISSION, CONTROL])

@@ -363,7 +363,7 @@ def read(
     for line in lines:
         warnings.warn(line, ModelWarning, stacklevel=3)
     if sidecar is None:
-        return model, _acting(model, _completed(Sidecar.serial(model), found), passive, found)
+        return model, _acting(model, _completed(model, found), passive, found)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
     whole = replace(
@@ -385,10 +385,27 @@ def _acting(model: pin.Model, sidecar: Sidecar, passive: bool, found: Declared) 
     return replace(sidecar, joint_data=(*with_armature(model, sidecar.joint_data), *more))
 
 
-def _completed(serial: Sidecar, found: Declared) -> Sidecar:
-    actuated = tuple(name for name in serial.actuated if name not in found.dependent)
-    actuated = tuple(name for name in actuated if name in found.motors) or actuated
-    return Sidecar(tuple(found.closures), actuated, tuple(found.couplings))
+def _completed(model: pin.Model, found: Declared) -> Sidecar:
+    free = _free(model, found)
+    actuated = [name for name in free if name in _driven(model, found)] or free
+    return Sidecar(tuple(found.closures), tuple(actuated), tuple(found.couplings))
+
+
+def _free(model: pin.Model, found: Declared) -> list[str]:
+    """Return the joints of one freedom that no loop of the file determines."""
+    return [name for name in Sidecar.serial(model).actuated if name not in found.dependent]
+
+
+def _driven(model: pin.Model, found: Declared) -> set[str]:
+    """Return the joints that have motors by the file's own words.
+
+    Of open trees lists of transmissions are often not complete; there a limit of effort says it, too.
+    """
+    if not found.motors or found.closures:
+        return found.motors
+    effort = np.asarray(model.upperEffortLimit)
+    limits = {name: effort[model.idx_vs[model.getJointId(name)]] for name in _free(model, found)}
+    return found.motors | {name for name, limit in limits.items() if 0 < limit < np.inf}
 
 
 def _of_a_tree(
@@ -402,13 +419,14 @@ def _of_a_tree(
             f"the URDF is read as an open tree, but {sign}: give them as closures, or closures=() if it "
             "is a tree"
         ]
-    free = [joint for joint in Sidecar.serial(model).actuated if joint not in found.dependent]
-    idle = [joint for joint in free if joint not in found.motors]
+    free, driven = _free(model, found), _driven(model, found)
+    idle = [joint for joint in free if joint not in driven]
     if not idle or len(idle) == len(free):
         return []
     more = f" and {len(idle) - 3} more" if len(idle) > 3 else ""
     return [
-        f"{name}: by <transmission> or <ros2_control>, these joints of a tree have no motor and are not "
+        f"{name}: by <transmission> or <ros2_control>, and without a limit of effort, these joints of a tree "
+        "have no motor and are not "
         f"actuated, unless a sidecar says so: {', '.join(map(shown, idle[:3]))}{more}"
     ]
 
