@@ -170,6 +170,7 @@ TESTS = {
     "p3dof/loops/closures.py": (*KINDS, "reported_errors", "closed_loop_assembly", "closed_loop_batch"),
     "p3dof/loops/regressor.py": ("loop_identification", "loop_margins"),
     "p3dof/loops/formats/": READ,
+    "p3dof/loops/formats/sdf": ("robot_sdf", "sdformat"),
     "p3dof/loops/formats/urdf.py": (*READ, "closed_loop", "reactions", "elastic_reactions", "any_robot"),
     "p3dof/loops/hybrid": ("hybrid_dynamics",),
     "p3dof/loops/derivatives.py": LOOPS,

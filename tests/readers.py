@@ -14,6 +14,7 @@ from typing import Any, Literal
 import closed_loop_robots as robots
 import numpy as np
 import robot_texts
+import sdf_texts
 import sweep_problems
 import yaml
 from documents import ROOT
@@ -346,6 +347,10 @@ def robot_files() -> list[bytes]:
     ]
 
 
+def sdf_files() -> list[bytes]:
+    return [(ROOT / "urdf/p3dof.sdf").read_bytes(), *(text.encode() for text in sdf_texts.ALL)]
+
+
 def file_of(*names: str) -> Callable[[], list[bytes]]:
     return lambda: [(ROOT / "urdf" / name).read_bytes() for name in names]
 
@@ -469,7 +474,7 @@ READERS: dict[str, Reader] = {
     ),
     "URDF": Reader("r.urdf", "xml", robot_files, used_robot),
     "MJCF": Reader("r.xml", "xml", file_of("p3dof_mjcf.xml"), used_robot),
-    "SDF": Reader("r.sdf", "xml", file_of("p3dof.sdf"), used_robot, takes="nothing"),
+    "SDF": Reader("r.sdf", "xml", sdf_files, used_robot),
     "SRDF": Reader("r.srdf", "xml", encoded(robot_texts.SRDF), used_srdf),
     "xacro": Reader("r.xacro", "xml", encoded(XACRO), used_robot, takes="nothing"),
     "sidecar": _yaml(used_sidecar, OWN, OWN + DATA),

@@ -14,7 +14,7 @@ from p3dof._base.checks import shown
 from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import with_armature
-from p3dof.loops.formats import mjcf, srdf, urdf
+from p3dof.loops.formats import mjcf, sdf, srdf, urdf
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
 from p3dof.loops.xml_text import is_text, read_xml, root_of
@@ -60,9 +60,9 @@ def load_robot(
     """Return a robot with (or without) closed loops.
 
     Read are URDF with the sidecar of the Gepetto team's collection or of this package, the loops of URDF+,
-    Drake, Isaac Sim and Gazebo in it, ``<mimic>``, and MJCF (with the extra ``mjcf``). An element of a URDF
-    that is not understood is named in a warning; one that may hold links or joints together is an error.
-    Meshes are not needed.
+    Drake, Isaac Sim and Gazebo in it, ``<mimic>``, SDF 1.4 to 1.12 with loops of joints, and MJCF (with the
+    extra ``mjcf``). An element of a URDF or SDF that is not understood is named in a warning; one that may
+    hold links or joints together is an error. Meshes are not needed.
 
     Parameters
     ----------
@@ -75,7 +75,8 @@ def load_robot(
         name that ends in ``.yaml``, if it is a sidecar; an empty tuple for none.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link of a URDF, such as ``pin.JointModelFreeFlyer()``; by
-        default the root link is fixed.
+        default the root link is fixed. In an SDF the joint of a link that no joint holds in the world, which
+        floats by default.
     reference : str or mapping, optional
         The configuration that is meant by the assembly, as in `Sidecar`, or its name in the file: a group
         state of the SRDF, a keyframe of the MJCF.
@@ -84,12 +85,13 @@ def load_robot(
     mimic : bool
         Whether ``<mimic>`` couples joints; else they are independent.
     on_unknown : {"raise", "ignore"}
-        What to do with elements of a URDF that are not understood: refuse those that may hold links or joints
-        together and name the others in a warning, or leave all out without a word.
+        What to do with elements of a URDF or SDF that are not understood: refuse those that may hold links or
+        joints together and name the others in a warning, or leave all out without a word.
     passive : bool, optional
         Whether springs, damping and friction act that the robot's own file gives to its joints: by default
-        those of an MJCF, whose users mean them, and not those of a URDF, which are often guesses. They become
-        `Sidecar.joint_data`; what the sidecar says of a joint always acts, and goes before.
+        those of an MJCF, whose users mean them, the springs of an SDF, and not the damping and friction of a
+        URDF or SDF, which are often guesses. They become `Sidecar.joint_data`; what the sidecar says of a
+        joint always acts, and goes before.
     bushings : {"closures"}, optional
         Takes Drake's bushings for the closures that they stand for: a stiffness against forces alone is a
         point, against two torques too a hinge, against all but one force a slider, against all a rigid
@@ -106,6 +108,12 @@ def load_robot(
         If an argument does not fit the format.
     MissingExtraError
         If the library for the format is not installed.
+
+    Notes
+    -----
+    In an SDF the motors are the joints of one freedom whose effort is not 0 and that follow no other, as in
+    Drake. A file with loops and no effort of 0 does not say which joints are passive; then there are none,
+    unless a sidecar names them.
     """
     if isinstance(source, pin.Model):
         raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")
@@ -118,13 +126,20 @@ def load_robot(
     root = _root(source)
     given = sidecar if sidecar is not None or path is None else _beside(path)
     state = reference if isinstance(reference, str) else None
-    _check_arguments(root, include_root, root_joint=root_joint, srdf_file=srdf_file, bushings=bushings)
+    _refuse(
+        root,
+        root_joint=root_joint,
+        srdf_file=srdf_file,
+        reference=state,
+        bushings=bushings,
+        include_root=include_root,
+    )
     if root == "mujoco":
         tree, found = mjcf.read(source, state, include_root)
         if passive is False:
             found = replace(found, joint_data=())
-        found = _joined(found, sidecar_of(given))
-        found = replace(found, joint_data=with_armature(tree, found.joint_data))
+    elif root == "sdf":
+        tree, found = sdf.read(source, given, root_joint, mimic, on_unknown, passive)
     else:
         tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive), bushings)
         if srdf_file is not None:
@@ -132,20 +147,26 @@ def load_robot(
             found = replace(found, reference=values)
         elif state is not None:
             raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
+    if root != "robot":
+        found = _joined(found, sidecar_of(given))
+        found = replace(found, joint_data=with_armature(tree, found.joint_data))
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
     return _closed(tree, found, path, given)
 
 
-def _check_arguments(root: str, include_root: Any, **of_urdf: Any) -> None:
+def _refuse(root: str, **given: Any) -> None:
     """Refuse arguments that a format has no use for."""
-    if root != "mujoco":
-        if include_root is not None:
-            raise InputError("include_root: only an MJCF file includes others, expected None")
-        return
-    for what, value in of_urdf.items():
-        if value is not None:
-            raise InputError(f"{what}: an MJCF file has its own, expected None")
+    reasons = {
+        "root_joint": {"mujoco": "an MJCF file has its own"},
+        "srdf_file": {"mujoco": "an MJCF file has its own", "sdf": "an SDF file has no states with names"},
+        "reference": {"sdf": "an SDF file has no states with names"},
+        "bushings": dict.fromkeys(("mujoco", "sdf"), "only a URDF has such closures"),
+        "include_root": dict.fromkeys(("robot", "sdf"), "only an MJCF file includes others"),
+    }
+    for what, value in given.items():
+        if value is not None and (reason := reasons[what].get(root)):
+            raise InputError(f"{what}: {reason}, expected None")
 
 
 def _closed(tree: pin.Model, found: Sidecar, path: str | None, given: SidecarLike) -> ClosedLoopModel:
@@ -168,10 +189,10 @@ def _root(source: str | os.PathLike[str]) -> str:
     """Return the name of the first element of a robot's file, which is one that is read."""
     text, name = read_xml(source, "robot")
     if not is_text(text):
-        raise ModelError(f"{name}: expected URDF or MJCF, this is not XML; a sidecar comes second")
+        raise ModelError(f"{name}: expected URDF, SDF or MJCF, this is not XML; a sidecar comes second")
     root = root_of(text, name)
-    if root not in ("robot", "mujoco"):
-        raise ModelError(f"{name}: expected URDF (<robot>) or MJCF (<mujoco>), got {_named(root)}")
+    if root not in ("robot", "sdf", "mujoco"):
+        raise ModelError(f"{name}: expected URDF (<robot>), SDF (<sdf>) or MJCF (<mujoco>), got <{root:.80}>")
     return root
 
 
@@ -205,7 +226,7 @@ def _joined(found: Sidecar, given: Sidecar | None) -> Sidecar:
     if given is None:
         return found
     if given.joints:
-        raise ModelError("sidecar: joint_type: only a URDF needs other types, not an MJCF")
+        raise ModelError("sidecar: joint_type: only a URDF needs other types")
     said = {entry.joint for entry in given.joint_data}
     return Sidecar(
         (*found.closures, *given.closures),
@@ -214,9 +235,3 @@ def _joined(found: Sidecar, given: Sidecar | None) -> Sidecar:
         found.reference if given.reference is None else given.reference,
         joint_data=(*given.joint_data, *(entry for entry in found.joint_data if entry.joint not in said)),
     )
-
-
-def _named(root: str) -> str:
-    if root == "sdf":
-        return "SDF: convert it, for example to MJCF; p3dof writes SDF but reads none"
-    return f"<{root:.80}>"

@@ -38,7 +38,10 @@ def is_text(source: object) -> bool:
 
 
 class XmlReader:
-    """Reads XML into elements, whose names keep their prefixes; text is kept in ``<plugin>`` only."""
+    """Reads XML into elements, whose names keep their prefixes."""
+
+    text_of: tuple[str, ...] | None = ("plugin",)
+    """Elements in which text is kept; None for all."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -92,7 +95,7 @@ class XmlReader:
         self.visit(tag, attributes)
 
     def _data(self, text: str) -> None:
-        if "plugin" in self.path:
+        if self.text_of is None or not set(self.text_of).isdisjoint(self.path):
             self._tree.data(text)
 
     def _end(self, tag: str) -> None:

@@ -21,8 +21,9 @@ def test_there_are_few_doors_and_modules_and_not_much_to_read():
     doors = [path for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()]
     assert len([path for path in doors if not path.name.startswith("__")]) <= 14
     assert len(MODULES) <= 400
+    # 92,000; the reader of SDF, whose joints may form loops; elements of a URDF, and loops of its dialects.
     lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES)
-    assert lines <= 92_000 + 650  # the table of a URDF's elements, and the loops of four more dialects
+    assert lines <= 92_000 + 1_500 + 700
 
 
 def test_a_class_has_a_name_of_its_own_behind_its_door():

@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
+import sdf_texts as texts
 from reference import FILES, LINKS, MECHANISM, MOVING, URDF, placements
 
 import p3dof
@@ -74,24 +75,9 @@ template <typename Solid> static void solid(const char *_kind, const sdf::Link &
   pose(at);
 }
 
-int main(int, char **_arguments)
+static void contents(const sdf::Model &_model, const std::string &_prefix, const Pose3d &_outer)
 {
-  sdf::Root root;
-  check(root.Load(_arguments[1]));
-  std::cout << std::setprecision(17);
-  const sdf::Model *model = root.Model();
-  if (!model) return 1;
-  if (!(sdf::checkCanonicalLinkNames(&root) && sdf::checkFrameAttachedToNames(&root)
-        && sdf::checkFrameAttachedToGraph(&root) && sdf::checkPoseRelativeToGraph(&root)
-        && sdf::recursiveSameTypeUniqueNames(root.Element())
-        && sdf::recursiveSiblingUniqueNames(root.Element())
-        && sdf::recursiveSiblingNoDoubleColonInNames(root.Element())))
-    std::cout << "error\ta check of gz sdf --check failed\n";
-  sdf::Errors ends;
-  sdf::checkJointParentChildNames(&root, ends);
-  check(ends);
-  std::cout << "model\t" << model->Name() << "\t" << root.Version() << "\t" << model->CanonicalLinkName()
-            << "\n";
+  const sdf::Model *model = &_model;
   for (uint64_t i = 0; i < model->LinkCount(); ++i)
   {
     const sdf::Link &link = *model->LinkByIndex(i);
@@ -99,11 +85,11 @@ int main(int, char **_arguments)
     check(link.SemanticPose().Resolve(at, "__model__"));
     const auto &inertial = link.Inertial();
     const auto moments = inertial.Moi();  // in the axes of the link
-    std::cout << "link\t" << link.Name() << "\t" << inertial.MassMatrix().Mass();
+    std::cout << "link\t" << _prefix << link.Name() << "\t" << inertial.MassMatrix().Mass();
     vector(std::cout, inertial.Pose().Pos());
     for (int row = 0; row < 3; ++row)
       for (int column = 0; column < 3; ++column) std::cout << "\t" << moments(row, column);
-    pose(at);
+    pose(_outer * at);
     std::cout << "\n";
     for (uint64_t k = 0; k < link.VisualCount(); ++k)
     {
@@ -126,8 +112,8 @@ int main(int, char **_arguments)
     check(frame.SemanticPose().Resolve(at, "__model__"));
     std::string body;
     check(frame.ResolveAttachedToBody(body));
-    std::cout << "frame\t" << frame.Name() << "\t" << body;
-    pose(at);
+    std::cout << "frame\t" << _prefix << frame.Name() << "\t" << body;
+    pose(_outer * at);
     std::cout << "\n";
   }
   for (uint64_t i = 0; i < model->JointCount(); ++i)
@@ -138,20 +124,48 @@ int main(int, char **_arguments)
     check(joint.ResolveChildLink(child));
     Pose3d at;
     check(joint.SemanticPose().Resolve(at, "__model__"));
-    std::cout << "joint\t" << joint.Name() << "\t" << static_cast<int>(joint.Type()) << "\t"
+    std::cout << "joint\t" << _prefix << joint.Name() << "\t" << static_cast<int>(joint.Type()) << "\t"
               << joint.ParentLinkName() << "\t" << joint.ChildLinkName() << "\t" << parent << "\t" << child;
-    pose(at);
+    pose(_outer * at);
     if (const sdf::JointAxis *axis = joint.Axis())
     {
       Vector3d direction;
       check(axis->ResolveXyz(direction, "__model__"));
-      vector(std::cout, direction);
+      vector(std::cout, _outer.Rot() * direction);
       for (double value : {axis->Lower(), axis->Upper(), axis->Effort(), axis->MaxVelocity(), axis->Damping(),
                            axis->Friction()})
         std::cout << "\t" << value;
     }
     std::cout << "\n";
   }
+  for (uint64_t i = 0; i < model->ModelCount(); ++i)
+  {
+    const sdf::Model &inner = *model->ModelByIndex(i);
+    Pose3d at;
+    check(inner.SemanticPose().Resolve(at, "__model__"));
+    contents(inner, _prefix + inner.Name() + "::", _outer * at);
+  }
+}
+
+int main(int, char **_arguments)
+{
+  sdf::Root root;
+  check(root.Load(_arguments[1]));
+  std::cout << std::setprecision(17);
+  const sdf::Model *model = root.Model();
+  if (!model) return 1;
+  if (!(sdf::checkCanonicalLinkNames(&root) && sdf::checkFrameAttachedToNames(&root)
+        && sdf::checkFrameAttachedToGraph(&root) && sdf::checkPoseRelativeToGraph(&root)
+        && sdf::recursiveSameTypeUniqueNames(root.Element())
+        && sdf::recursiveSiblingUniqueNames(root.Element())
+        && sdf::recursiveSiblingNoDoubleColonInNames(root.Element())))
+    std::cout << "error\ta check of gz sdf --check failed\n";
+  sdf::Errors ends;
+  sdf::checkJointParentChildNames(&root, ends);
+  check(ends);
+  std::cout << "model\t" << model->Name() << "\t" << root.Version() << "\t" << model->CanonicalLinkName()
+            << "\n";
+  contents(*model, "", Pose3d::Zero);
   return failures;
 }
 """
@@ -178,7 +192,10 @@ def reader(tmp_path_factory):
     subprocess.run(command, check=True, timeout=300)
 
     def read(path):
-        environment = os.environ | {"HOME": str(folder)}  # it writes a log there
+        environment = os.environ | {
+            "HOME": str(folder),
+            "SDF_PATH": str(path.parent),
+        }  # it writes a log at home
         run = subprocess.run(
             [str(program), str(path)], capture_output=True, env=environment, timeout=60, check=False
         )
@@ -458,3 +475,101 @@ def test_other_robots_are_read_with_their_loops(reader, tmp_path, name):
             np.testing.assert_allclose(at, there, rtol=0, atol=1e-9)
     masses = sum(float(row[1]) for row in found["link"])
     assert masses == pytest.approx(sum(inertia.mass for inertia in list(model.inertias)[1:]), rel=1e-12)
+
+
+# -- Files of others, as this package reads them -----------------------------------------------------------
+
+
+def chain(version, first="", second="", axis=""):
+    """Return two links at poses, with what versions understand differently."""
+    return texts.sdf(
+        texts.link("a", texts.pose("0.1 0.2 0.3 0.4 0.1 -0.3")),
+        texts.link("b", texts.pose("0.4 0.1 0.2 0.3 -0.5 0.2", more=first)),
+        texts.joint("held", "world", "a", "fixed", axis=""),
+        texts.joint(
+            "turn",
+            "a",
+            "b",
+            axis="1 2 0.5",
+            where=texts.pose("0.1 0 0.3 0.2 0.3 0.6", more=second),
+            limit=axis,
+        ),
+        version=version,
+    )
+
+
+OLD = "<use_parent_model_frame>{}</use_parent_model_frame>"
+TEXTS = {
+    "1.4": chain("1.4"),
+    "1.5": chain("1.5"),
+    "1.5 in the model": chain("1.5", axis=OLD.format(1)),
+    "1.6": chain("1.6", axis=OLD.format("false")),
+    "1.6 with frames": chain("1.6", ' frame="a"', ' frame="a"'),
+    "1.7": chain("1.7", ' relative_to="a"', ' relative_to="a"'),
+    "nested": texts.RICH.replace('"1.11"', '"1.9"').replace("screw_thread_pitch>", "thread_pitch>"),
+}
+INCLUDED = (
+    '<sdf version="1.6"><model name="inner" placement_frame="tip"><pose>9 8 7 0.1 0.2 0.3</pose>'
+    + texts.link("a", texts.pose("0.1 0.2 0.3 0.4 0.1 -0.3"))
+    + texts.link("tip", texts.pose("0.4 0.1 0.2 0.3 -0.5 0.2"))
+    + texts.joint("turn", "a", "tip", axis="1 2 0.5")
+    + "</model></sdf>"
+)
+POSED = texts.pose("1 2 3 0.3 0.1 0.2")
+for name, version, more in (
+    ("included", "1.6", ""),
+    ("included at a pose", "1.6", POSED),
+    ("included of 1.8", "1.8", ""),
+    ("included at a pose, of 1.8", "1.8", POSED),
+    ("included by a frame", "1.8", f"{POSED}<placement_frame>a</placement_frame><name>other</name>"),
+):
+    TEXTS[name] = INCLUDED.replace("1.6", version), f"<include><uri>model://inner</uri>{more}</include>"
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_it_places_links_joints_and_axes_alike(reader, tmp_path, name):
+    written = TEXTS[name]
+    if isinstance(written, tuple):
+        (tmp_path / "inner").mkdir()
+        (tmp_path / "inner/model.sdf").write_text(written[0])
+        (tmp_path / "inner/model.config").write_text(
+            '<model><name>inner</name><version>1</version><sdf version="1.9">model.sdf</sdf></model>'
+        )
+        inner = "other" if "other" in written[1] else "inner"
+        held = texts.joint("held", "world", f"{inner}::a", "fixed", axis="")
+        written = texts.sdf(
+            texts.link("own"), texts.joint("pin", "own", f"{inner}::a", "fixed", axis=""), written[1], held
+        )
+        written = written.replace(' type="fixed"><parent>own', ' type="ball"><parent>own').replace(
+            "1.11", "1.9"
+        )
+        if "1.6" in name:
+            written = written.replace("1.9", "1.6")
+    path = tmp_path / "robot.sdf"
+    path.write_text(written)
+    rows = reader(path)
+    assert rows["error"] == []
+    robot = p3dof.load_robot(path, ())
+    model, data = robot.model, robot.model.createData()
+    q = np.array(robot.reference)
+    pin.framesForwardKinematics(model, data, q)
+    J = pin.computeJointJacobians(model, data, q).reshape(6, -1)
+    assert rows["link"]
+    for called, *cells in rows["link"]:
+        there = data.oMf[model.getFrameId(called, pin.FrameType.BODY)].homogeneous
+        np.testing.assert_allclose(there, _placement(cells[13:]), rtol=0, atol=1e-13, err_msg=called)
+    for called, _, *cells in rows["frame"]:
+        there = data.oMf[model.getFrameId(called)].homogeneous
+        np.testing.assert_allclose(there, _placement(cells), rtol=0, atol=1e-13, err_msg=called)
+    axes = 0
+    for called, kind, _, _, _, _, *cells in rows["joint"]:
+        if not model.existJointName(called) or len(cells) < 10:
+            continue
+        axes += 1
+        column = J[:, model.idx_vs[model.getJointId(called)]]
+        direction = column[:3] if int(kind) == KINDS["prismatic"] else column[3:]
+        np.testing.assert_allclose(direction, _floats(cells[7:10]), rtol=0, atol=1e-13, err_msg=called)
+        if kind == str(KINDS["revolute"]):
+            there = data.oMi[model.getJointId(called)].homogeneous
+            np.testing.assert_allclose(there, _placement(cells[:7]), rtol=0, atol=1e-13, err_msg=called)
+    assert axes

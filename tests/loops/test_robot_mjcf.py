@@ -256,7 +256,7 @@ def test_what_an_included_file_includes_is_held_to_the_folder_too(tmp_path):
 def test_arguments_for_a_urdf_are_refused():
     with pytest.raises(InputError, match="root_joint: an MJCF file has its own"):
         load_robot(RICH, root_joint=pin.JointModelFreeFlyer())
-    with pytest.raises(InputError, match="bushings: an MJCF file has its own"):
+    with pytest.raises(InputError, match="bushings: only a URDF has such closures"):
         load_robot(RICH, bushings="closures")
     with pytest.raises(InputError, match="include_root: only an MJCF file includes others"):
         load_robot("<robot name='a'><link name='b'/></robot>", include_root=".")

@@ -103,6 +103,8 @@ class _Joint:
 class _LinkReader(XmlReader):
     """Collects links and joints."""
 
+    text_of = None  # elements of simulators have names and numbers in theirs
+
     def __init__(self, source: str) -> None:
         super().__init__(source)
         self.links: dict[str, int] = {}
@@ -139,10 +141,6 @@ class _LinkReader(XmlReader):
         if hung is not None and "world" not in self.links:
             self.links["world"] = hung.line
             Xml.SubElement(robot, "link", name="world")
-
-    def _data(self, text: str) -> None:
-        """Keep all text: elements of simulators have names and numbers in it."""
-        self._tree.data(text)
 
     def _new(self, tag: str, attributes: dict[str, str], known: Collection[str]) -> None:
         name = attributes.get("name", "")

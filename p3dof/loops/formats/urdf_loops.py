@@ -287,7 +287,7 @@ class _LoopReader:
         if not found:
             return np.eye(3)
         if kind != "universal":
-            return _with_z_along(found[0])
+            return with_z_along(found[0])
         x, y = found
         if abs(x @ y) > _PERPENDICULAR:
             self.fail(element, "expected <axis> and <axis2> perpendicular to each other")
@@ -317,7 +317,7 @@ class _LoopReader:
                 "slider (all but a force along one axis) or a rigid connection (all), got forces "
                 f"{_listed(stiffness[0])} and torques {_listed(stiffness[1])}",
             )
-        turn = pin.SE3(np.eye(3) if axis is None else _with_z_along(np.eye(3)[axis]), np.zeros(3))
+        turn = pin.SE3(np.eye(3) if axis is None else with_z_along(np.eye(3)[axis]), np.zeros(3))
         ends = []
         for end in "AC":
             part = self._part(element, f"drake:bushing_frame{end}")
@@ -434,7 +434,7 @@ class _LoopReader:
         axis = self._numbers(element.find("axis"), "xyz", 3, (1.0, 0.0, 0.0))
         if not np.linalg.norm(axis) > 0:
             self.fail(element, "axis: expected a direction, got zero")
-        return pin.SE3(_with_z_along(axis), np.zeros(3))
+        return pin.SE3(with_z_along(axis), np.zeros(3))
 
     def _text(self, element: Xml.Element) -> str:
         return (element.text or "").strip()
@@ -549,7 +549,7 @@ def _listed(numbers: FloatArray) -> str:
     return " ".join(f"{number:g}" for number in numbers)
 
 
-def _with_z_along(axis: FloatArray) -> FloatArray:
+def with_z_along(axis: FloatArray) -> FloatArray:
     """Return a rotation matrix whose z axis is along an axis; the identity where it is z already."""
     z = axis / np.linalg.norm(axis)
     if z[2] > 1 - 1e-15:

@@ -227,7 +227,10 @@ class Visual:
 def visuals_of(model: pin.Model, source: str | os.PathLike[str]) -> tuple[list[Visual], list[str]]:
     """Return the shapes that a robot's file has, and what could not be understood."""
     text, name = read_xml(source, "robot")
-    found = _of_mjcf(model, source, text) if root_of(text, name) == "mujoco" else _of_urdf(model, text, name)
+    root = root_of(text, name)
+    if root == "sdf":
+        return [], ["the shapes of an SDF are not read"] if "<visual" in text else []
+    found = _of_mjcf(model, source, text) if root == "mujoco" else _of_urdf(model, text, name)
     return found[0][:MAX_SHAPES], found[1]
 
 
