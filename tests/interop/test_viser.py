@@ -1,6 +1,8 @@
 """viser: `viser.extras.ViserUrdf(viser.ViserServer(host="127.0.0.1"), Path("urdf/p3dof.urdf"))`."""
 
+import gc
 import socket
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -31,6 +33,9 @@ def server():
     server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
     yield server
     server.stop()
+    with warnings.catch_warnings():  # it leaves a connection that never spoke to the garbage collector
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
 
 
 def test_it_shows_the_robot_on_the_loopback_only(server):
