@@ -217,7 +217,7 @@ TESTS = {
     "p3dof/runs/robots_many.py": ("reported_errors", "robot_runs_in_c", "compiled_runs"),
     "p3dof/runs/simulation.py": ("reported_errors", "study_numbers", "simulation_files", "tables", "control"),
     "p3dof/runs/settings.py": ("reported_errors", "energy", "blocks_cluster", "robot_runs", *RUNS),
-    "p3dof/runs/forces_along.py": ("cli_loop",),
+    "p3dof/runs/forces_along.py": ("cli_loop", "page_robots"),
     "p3dof/runs/many/": ("study_numbers", "many_runs", "many_runs_friction", "many_runs_clients"),
     "p3dof/analysis/energy/": ("energy", "actuators"),
     "p3dof/analysis/reactions/": ("reactions", "elastic_reactions"),

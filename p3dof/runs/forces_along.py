@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,11 @@ from p3dof.runs.plants import ExternalOverTime, Loads
 
 _FEWEST, _MOST = 200, 4000  # steps of a curve that its forces begin with, and beyond which they do not go
 _SETTLED = 3e-4  # share by which twice as many samples may change peaks, RMS and power
+_SHOWN, _FRAMES = 4.0, 201  # how long a motion through the ranges is [s], and how many samples it has
+_SHARE, _SHRINKINGS = 0.6, 14  # how much of each range it begins with, and how often it becomes smaller
+_MOST_TURN = 1.2  # how far a motor turns to either side at most [rad]
+_NEAR_SINGULAR = 3.0  # how many times faster than at home joints may move with the motors
+_ON_LIMIT = 1e-9  # how far beyond a limit a joint may be by rounding [m or rad]
 _AT_REST = 1e-2  # share of its largest speed below which a joint is at rest
 
 
@@ -114,6 +120,57 @@ def forces_along(
             return found
         found, parts = finer, 2 * parts
     return found
+
+
+def through_ranges(
+    robot: ClosedLoopModel, q: FloatArray, ranges: Sequence[tuple[float, float]], method: Method = "general"
+) -> RobotForces | None:
+    """Return a motion that shows what all motors move, as far through their ranges as the loops stay closed.
+
+    About a configuration (nq,) one motor swings once in four seconds, the next one twice, and so on in turn.
+    Where a loop opens, another branch of the assembly begins, a joint passes a limit, a singular pose is near
+    or a force is not determined, all swing less. None where motors alone do not determine the motion.
+    """
+    if not robot.actuated or robot.mobility(q) != len(robot.actuated) or overview(robot, q).idle:
+        return None
+    time = np.linspace(0.0, _SHOWN, _FRAMES, dtype=np.float64)
+    turns = 2 * np.pi / _SHOWN * (1 + np.arange(len(ranges)) % 2)
+    home = np.array([joint_values(robot, q)[name][0] for name in robot.actuated])
+    low, high = np.array(ranges).T
+    most = np.minimum(high - home, home - low)
+    most = _SHARE * np.where(most > 0.05 * (high - low), most, 0.0)  # where it is at a limit, it stays
+    turning = [not is_slide(robot, robot.model.getJointId(name)) for name in robot.actuated]
+    most = np.where(turning, np.minimum(most, _MOST_TURN), most)
+    angles, count = time[:, None] * turns, len(robot.actuated)
+    for amplitude in most * 0.75 ** np.arange(_SHRINKINGS)[:, None]:
+        target = home + amplitude * np.sin(angles)
+        rates = amplitude * turns * np.cos(angles), -amplitude * turns**2 * np.sin(angles)
+        states = robot.complete_batch(target, *rates, guess=q, method=method)
+        if states.errors or not states.same_assembly.all() or not _within_limits(robot, states.q):
+            continue
+        sizes = np.linalg.norm(states.influence, axis=(1, 2))
+        if sizes.max() > _NEAR_SINGULAR * sizes[0]:
+            continue
+        found = robot.inverse_dynamics_batch(states.q, states.v, states.a, method=method)
+        if not found.errors and np.isfinite(found.tau).all() and found.tau.shape[1] == count:
+            gap, residual = (
+                float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual)
+            )
+            told = ("A motion through the ranges of the motors, to show what they move.",)
+            return RobotForces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)
+    return None
+
+
+def _within_limits(robot: ClosedLoopModel, q: FloatArray) -> bool:
+    """Whether all joints of one number stay within their limits."""
+    model = robot.model
+    places = [model.idx_qs[i] for i in range(1, model.njoints) if model.nqs[i] == 1]
+    low, high = (np.asarray(limit)[places] for limit in (model.lowerPositionLimit, model.upperPositionLimit))
+    real = high > low
+    return bool(
+        np.all((q[:, places] >= low - _ON_LIMIT) | ~real)
+        and np.all((q[:, places] <= high + _ON_LIMIT) | ~real)
+    )
 
 
 def _settled(before: FloatArray, after: FloatArray) -> bool:

@@ -694,6 +694,13 @@ def test_show_writes_a_page_with_every_joint(capsys, tmp_path, five_bar, motion)
     forces = [decoded(c["values"]) for c in run["curves"] if c["group"].startswith("Actuator")]
     assert len(forces) == 2
     assert np.isfinite(forces).all()  # determined
+    swinging, still = written()["runs"][0], written("--still")["runs"][0]
+    assert decoded(swinging["time"])[[0, -1]].tolist() == [0, 4]
+    assert np.ptp(decoded(swinging["q"]), axis=0).max() > 0.1
+    assert "through the ranges of the motors" in swinging["notes"][0]
+    assert (decoded(still["time"]).size, still["notes"]) == (1, [])
+    weight = ("--external", "left_tip=0,0,-5")
+    assert decoded(written(*weight)["runs"][0]["time"]).size == 1
 
 
 def test_show_takes_a_picture(capsys, tmp_path, five_bar):

@@ -143,6 +143,7 @@ OPTIONS = r"""
 --starts | whole number | Number of starts of slsqp
 --step | number | Largest step of the RK4
 --stiffness | FILE | Stiffness of joints and rods
+--still | flag | Show the reference configuration
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
 --task | FILE | Task file \(

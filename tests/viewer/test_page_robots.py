@@ -16,7 +16,8 @@ import p3dof
 from p3dof._base.errors import InputError
 from p3dof.loops.closure_joints import ClosureWrenches
 from p3dof.runs import simulate_robot
-from p3dof.viewer.document.document import robot_document, robot_hash
+from p3dof.runs.forces_along import through_ranges
+from p3dof.viewer.document.document import robot_document, robot_hash, slider_ranges
 from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.document.figure import RobotFigure
 from p3dof.viewer.document.meshes import MeshFiles
@@ -81,6 +82,45 @@ def test_a_run_has_the_forces_of_actuators_and_closures():
     assert loads[f"force {motors[0]}"]["kind"] == "moment"
     assert {load["group"] for load in found["loads"]} == {"actuator", "multiplier"}
     assert {load.get("layer") for load in found["loads"]} == {None, "multipliers"}
+
+
+def swing_of(robot):
+    q = robot.assemble().q
+    return q, through_ranges(robot, q, slider_ranges(robot, q, 0.2))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_a_motion_the_motors_swing_where_they_alone_move_the_robot(name):
+    robot = gallery(name)
+    q, found = swing_of(robot)
+    if robot.mobility(q) != len(robot.actuated):  # redundant motors, or joints that none holds
+        assert name in ("biped", "leg", "two_arms")
+        assert found is None
+        return
+    np.testing.assert_allclose(found.q[0], q, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.q[-1], q, rtol=0, atol=1e-9)
+    values = found.q[:, [robot.model.idx_qs[robot.model.getJointId(joint)] for joint in robot.actuated]]
+    assert np.ptp(values, axis=0).min() > 0.02
+    for i in range(0, 201, 20):
+        assert np.abs(robot.closure_error(found.q[i])).max() < 1e-10
+        one = robot.inverse_dynamics(found.q[i], found.v[i], found.a[i])
+        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0, atol=1e-9 * np.abs(found.tau).max())
+    middle = pin.difference(robot.model, found.q[99], found.q[101]) / 0.04
+    np.testing.assert_allclose(found.v[100], middle, rtol=0, atol=2e-3 * np.abs(found.v).max())
+
+
+def test_the_motors_swing_less_where_a_passive_joint_would_pass_its_limit():
+    free = gallery("four_bar")
+    q, wide = swing_of(free)
+    passive = next(name for name in list(free.model.names)[1:] if name not in free.actuated)
+    at = free.model.idx_qs[free.model.getJointId(passive)]
+    for limit, side in (("lowerPositionLimit", -0.05), ("upperPositionLimit", 0.05)):
+        values = np.array(getattr(free.model, limit))
+        values[at] = q[at] + side
+        setattr(free.model, limit, values)
+    _, narrow = swing_of(p3dof.ClosedLoopModel(free.model, free.sidecar))
+    assert np.ptp(wide.q[:, at]) > 0.2
+    assert 0.02 < np.ptp(narrow.q[:, at]) <= 0.1 + 1e-9
 
 
 def test_a_robot_that_stands_is_held_and_loaded():

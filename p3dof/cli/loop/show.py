@@ -10,6 +10,7 @@ import click
 from rich.console import Console
 
 from p3dof._base.errors import InputError
+from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
@@ -29,8 +30,9 @@ from p3dof.cli.output import print_warnings, print_written, progress_bar
 from p3dof.cli.viewing import View, with_view
 from p3dof.loops import ClosedLoopModel
 from p3dof.runs import Integration, simulate_robot
-from p3dof.runs.forces_along import forces_along
+from p3dof.runs.forces_along import RobotForces, forces_along, through_ranges
 from p3dof.viewer import JointMotion, robot_page, show_robot
+from p3dof.viewer.document.document import slider_ranges
 from p3dof.viewer.document.figure import RobotFigure
 from p3dof.viewer.document.motion import Run
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
@@ -56,6 +58,12 @@ _RUN_SAMPLES = 1001
 )
 @force_option("With --simulate: ")
 @EXTERNAL
+@click.option(
+    "--still",
+    is_flag=True,
+    help="Show the reference configuration at rest. Without it, and without --motion, --simulate, --set and "
+    "--external, the motors move through their ranges.",
+)
 @click.option("--closure-forces", is_flag=True, help="Show the closure forces from the start.")
 @click.option(
     "--shapes/--no-shapes", default=True, help="Show the shapes of the links in the file; rods otherwise."
@@ -93,6 +101,7 @@ def show(
     duration: float | None,
     forces: tuple[str, ...],
     external: tuple[str, ...],
+    still: bool,
     closure_forces: bool,
     shapes: bool,
     package_dirs: tuple[Path, ...],
@@ -115,7 +124,9 @@ def show(
     if trace is not None and not view.meshcat:
         raise click.UsageError("--trace needs --meshcat")
     given = _Given(values, motion_file, duration, forces, external, method)
-    motion, warnings = given.motion(robot)
+    picture = out is not None and suffix_of(out, "show") in SUFFIXES["picture"]
+    moving = None if still or picture else given.default(robot)
+    motion, warnings = given.motion(robot) if moving is None else (moving, list(moving.remarks))
     _check_moment(motion, view.at)
     source = str(inputs[0]) if shapes and inputs[0] != STREAM else None  # what came by a stream is gone
     figure = RobotFigure(robot, source, package_dirs)
@@ -191,6 +202,14 @@ class _Given:
                 method=self.method,
             )
         return run, [] if run.stop is None else [f"ended by {run.stop}"]
+
+    def default(self, robot: ClosedLoopModel) -> RobotForces | None:
+        """Return a motion through the ranges of the motors, if there is one and nothing else is asked for."""
+        if self.values or self.motion_file is not None or self.duration is not None or self.external:
+            return None
+        q = assembled(robot, ()).q
+        extent = max(float(abs(place.translation).max()) for place in robot.model.jointPlacements)
+        return through_ranges(robot, q, slider_ranges(robot, q, extent / 4), self.method)
 
 
 def _check_moment(motion: JointMotion | Run, at: float | None) -> None:
