@@ -11,6 +11,8 @@ const SHAFT = 0.011;
 const HEAD = 4.4, HEAD_RADIUS = 2.3, SLIMMEST = 0.35, SECOND = 0.75; // in radii of the shaft, in heads
 /** More loads than these have no values beside them. */
 const CROWD = 16;
+/** A load below this share of the largest of its unit is rounding, or zero: it has no value beside it. */
+const NEGLIGIBLE = 1e-6;
 const LETTERS = 13, GAP = 4, EDGE = 6; // pixels
 const UP = new Vector3(0, 0, 1);
 
@@ -137,7 +139,8 @@ export class Arrows {
         const tip = start.clone().addScaledVector(along, drawn);
         const cut = known && part < 1 && length > 1e-6 * this.radius;
         const words = Number.isNaN(value) ? "undetermined" : `${shown(value, load.unit)}${cut ? " ⋯" : ""}`;
-        arrow.text.sprite.visible = spoken && (known || Number.isNaN(value));
+        const counts = Math.abs(value) >= NEGLIGIBLE * (this.scales[load.unit] ?? 0) || Number.isNaN(value);
+        arrow.text.sprite.visible = spoken && counts && (known || Number.isNaN(value));
         arrow.text.write(words, colour, look.halo);
         const [x, y] = eye.pixel(tip);
         const [x2, y2] = eye.pixel(tip.clone().addScaledVector(along, 0.02 * this.radius));

@@ -26,6 +26,7 @@ export function mount(element, state) {
     new ResizeObserver(() => charts.forEach((chart) => chart.fit())).observe(element);
     state.subscribe((_, changed) => {
         const whole = DRAWN.some((name) => changed.has(name));
+        document.documentElement.classList.toggle("still", runOf(state).time.data.length < 2); // one pose has no time
         for (const chart of charts) {
             if (whole) chart.draw();
             chart.move();

@@ -91,6 +91,35 @@ def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
         watched.healthy()
 
 
+def test_a_robot_at_rest_has_no_charts_and_values_only_beside_forces_that_count(browser, tmp_path):
+    robot = p3dof.load_robot(GALLERY / "biped.urdf")
+    still = robot_document(robot, RobotFigure(robot))
+    q = robot.assemble().q
+    forces = np.array([[3e-9, -2.0, *np.zeros(len(robot.actuated) - 2)]] * 2)
+    moving = robot_document(
+        robot, RobotFigure(robot), JointMotion([0.0, 1.0], np.stack([q, q]), robot.actuated, forces)
+    )
+    for name, document, seen in (("still", still, False), ("moving", moving, True)):
+        (tmp_path / name).mkdir()
+        with opened(browser, written(tmp_path / name, document), 1200, 800, ready=READY) as watched:
+            watched.page.evaluate(SETTLED)
+            for part in ("#charts", "#time-bar", ".peaks"):
+                assert watched.page.locator(part).first.is_visible() == seen, part
+            texts = watched.page.evaluate("""() => {
+                const { arrows, drawn } = p3dof.state.stage.contents.arrows;
+                return drawn.map(({ key, value }) => [key, value, arrows.get(key).text.sprite.visible]);
+            }""")
+            assert len(texts) >= len(robot.actuated)
+            for unit in ("N", "N m"):
+                own = [row for row in texts if row[0].startswith("force ") == (unit == "N m")]
+                largest = max((abs(value) for _, value, _ in own), default=0.0)
+                for key, value, shown in own:
+                    assert shown == (abs(value) >= 1e-6 * largest), (name, key, value)
+            stage = watched.page.locator("#stage").bounding_box()
+            assert (stage["height"] == 800) != seen
+            watched.healthy()
+
+
 def test_python_closes_the_loops_of_what_the_hand_drags(browser):
     pytest.importorskip("tornado", reason="tornado is not installed")
     from p3dof.viewer.live_viewer import LiveViewer
