@@ -97,7 +97,8 @@ def load_robot(
         point, against two torques too a hinge, against all but one force a slider, against all a rigid
         connection. One below 1/1000 of the largest of its kind holds nothing. By default they are an error.
     include_root : path-like, optional
-        A folder below which an MJCF may include files; by default its own.
+        A folder below which an MJCF or SDF may include files, and in which ``model://`` is looked for; by
+        default that of the file.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def load_robot(
         if passive is False:
             found = replace(found, joint_data=())
     elif root == "sdf":
-        tree, found = sdf.read(source, given, root_joint, mimic, on_unknown, passive)
+        tree, found = sdf.read(source, given, root_joint, mimic, on_unknown, passive, include_root)
     else:
         tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive), bushings)
         if srdf_file is not None:
@@ -162,7 +163,7 @@ def _refuse(root: str, **given: Any) -> None:
         "srdf_file": {"mujoco": "an MJCF file has its own", "sdf": "an SDF file has no states with names"},
         "reference": {"sdf": "an SDF file has no states with names"},
         "bushings": dict.fromkeys(("mujoco", "sdf"), "only a URDF has such closures"),
-        "include_root": dict.fromkeys(("robot", "sdf"), "only an MJCF file includes others"),
+        "include_root": {"robot": "a URDF file includes no others"},
     }
     for what, value in given.items():
         if value is not None and (reason := reasons[what].get(root)):

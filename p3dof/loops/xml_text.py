@@ -120,18 +120,26 @@ def root_of(text: str, source: str) -> str:
         return str(begun)
 
 
+def folder_below_which(root: str | os.PathLike[str] | None) -> Path | None:
+    """Return the folder below which a user allows files to be included; None for the file's own."""
+    if root is None:
+        return None
+    if not isinstance(root, str | os.PathLike) or not Path(root).is_dir():
+        raise ModelError(f"include_root: expected a folder, got {shown(root)}")
+    return Path(root).resolve()
+
+
 def check_includes(
     robot: Xml.Element, source: str | os.PathLike[str], name: str, root: str | os.PathLike[str] | None = None
 ) -> None:
     """Raise ModelError for an ``<include>``, in included files too, of a file that is not below a folder."""
-    if root is not None and not Path(root).is_dir():
-        raise ModelError(f"include_root: expected a folder, got {shown(os.fspath(root))}")
+    allowed = folder_below_which(root)
     if is_text(source):
         if robot.find(".//include") is not None:
             raise ModelError(f"{name}: <include> needs the files beside it: give the path of the file")
         return
     folder = Path(source).resolve().parent
-    below = folder if root is None else Path(root).resolve()
+    below = folder if allowed is None else allowed
     seen, pending = {Path(source).resolve()}, [(robot, folder, name)]
     while pending:
         inside, beside, called = pending.pop()

@@ -61,7 +61,7 @@ OPTIONS = r"""
 --grid | whole number | Number of poses of the
 --ignore-unknown | flag | Ignore elements of a URDF
 --in-time | flag | Also simulate the motion with
---include-root | FOLDER | Folder below which an MJCF may
+--include-root | FOLDER | Folder below which an MJCF or SDF may
 --index | NAME | Performance index
 --inertia | JOINT | Joint of a body whose
 --integral-time | number | Integral time of the controller

@@ -258,7 +258,7 @@ def test_arguments_for_a_urdf_are_refused():
         load_robot(RICH, root_joint=pin.JointModelFreeFlyer())
     with pytest.raises(InputError, match="bushings: only a URDF has such closures"):
         load_robot(RICH, bushings="closures")
-    with pytest.raises(InputError, match="include_root: only an MJCF file includes others"):
+    with pytest.raises(InputError, match="include_root: a URDF file includes no others"):
         load_robot("<robot name='a'><link name='b'/></robot>", include_root=".")
 
 

@@ -748,15 +748,29 @@ def test_included_files_are_below_the_folder(tmp_path):
     )
     file = tmp_path / "robot/robot.sdf"
 
-    def read(uri, extra="", attributes=""):
+    def read(uri, extra="", attributes="", **options):
         file.write_text(
             more(f"<include {attributes}><uri>{uri}</uri>{extra}</include>" + joint("wrist", "arm", "hand"))
         )
-        return load_robot(file)
+        return load_robot(file, **options)
 
     for uri in ("model://hand", "hand", "hand/model.sdf", f"file://{tmp_path}/robot/hand"):
         robot = read(uri)
         assert list(robot.model.names)[1:] == ["hinge", "wrist", "hand::knuckle"]
+    (tmp_path / "models/hand").mkdir(parents=True)
+    (tmp_path / "models/hand/model.sdf").write_text(inner.replace("knuckle", "thumb"))
+    for uri, options in (
+        ("../outside.sdf", {"include_root": tmp_path}),
+        ("../models/hand", {"include_root": str(tmp_path)}),
+        ("model://models/hand", {"include_root": tmp_path}),
+        ("model://hand", {"include_root": tmp_path / "models"}),
+    ):
+        names = list(read(uri, **options).model.names)
+        assert names[-1] == ("hand::knuckle" if "outside" in uri else "hand::thumb")
+    with pytest.raises(ModelError, match=r"'\.\./outside\.sdf' is no file below include_root"):
+        read("../outside.sdf", include_root=tmp_path / "models")
+    with pytest.raises(ModelError, match="include_root: expected a folder, got"):
+        read("hand", include_root=tmp_path / "nowhere")
     with pytest.raises(ModelError, match="the frame 'hand' does not exist"):
         read("hand", "<name>other</name>")
     with pytest.raises(ModelError, match="is no file below the folder of the first one"):

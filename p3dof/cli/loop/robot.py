@@ -48,11 +48,13 @@ _ROBOT = options(
         "state of the SRDF.",
     ),
     click.option("--srdf", type=InputFile(), help="SRDF file of a URDF, for --reference."),
-    click.option("--ignore-unknown", is_flag=True, help="Ignore elements of a URDF that are not understood."),
+    click.option(
+        "--ignore-unknown", is_flag=True, help="Ignore elements of a URDF or SDF that are not understood."
+    ),
     click.option(
         "--include-root",
         type=InputFolder(),
-        help="Folder below which an MJCF may include files; its own by default.",
+        help="Folder below which an MJCF or SDF may include files, that of model:// too; its own by default.",
     ),
 )
 

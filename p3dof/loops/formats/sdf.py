@@ -66,13 +66,14 @@ def read(
     mimic: bool = True,
     on_unknown: str = "raise",
     passive: bool | None = None,
+    include_root: str | os.PathLike[str] | None = None,
 ) -> tuple[pin.Model, Sidecar]:
     """Return the tree of an SDF file and its loops; joints that the user's sidecar names stay in the tree."""
     if root_joint is not None and not hasattr(root_joint, "nq"):
         raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
     if on_unknown not in ("raise", "ignore"):
         raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
-    robot, given = SdfRobot(source), sidecar_of(closures)
+    robot, given = SdfRobot(source, include_root), sidecar_of(closures)
     if on_unknown == "raise":
         _tell_unknown(robot)
     tree = _Tree(robot, list(joints_of(robot)), _named(given))

@@ -26,7 +26,7 @@ import pinocchio as pin
 from p3dof._base.checks import LARGEST, FloatArray, one_line, shown
 from p3dof.loops.formats.urdf import MAX_LINKS
 from p3dof.loops.sidecar import suggestion
-from p3dof.loops.xml_text import MAX_DEPTH, XmlReader, is_text, read_xml
+from p3dof.loops.xml_text import MAX_DEPTH, XmlReader, folder_below_which, is_text, read_xml
 
 BALL = "drake:ball_constraint"
 _AXIS = ("xyz", "use_parent_model_frame", "dynamics", "limit", "mimic")
@@ -241,7 +241,10 @@ class Scope:
 class SdfRobot:
     """A robot's files, in which all names and placements are known."""
 
-    def __init__(self, source: str | os.PathLike[str]) -> None:
+    def __init__(
+        self, source: str | os.PathLike[str], include_root: str | os.PathLike[str] | None = None
+    ) -> None:
+        allowed = folder_below_which(include_root)
         text, self.source = read_xml(source, "SDF")
         self.files = [SdfText(text, self.source)]
         self.unknown: list[tuple[SdfText, Xml.Element, str]] = []  # elements, and what they are in
@@ -250,7 +253,11 @@ class SdfRobot:
         self.joints: list[Item] = []
         self.frames: list[Item] = []
         self._items: list[Item] = []
-        self._folder = None if is_text(source) else Path(source).resolve().parent
+        own = None if is_text(source) else Path(source).resolve().parent
+        self._folder, self._where = (
+            allowed or own,
+            "include_root" if allowed else "the folder of the first one",
+        )
         self.gravity = self._fill_world(self.files[0])
         self.model = self._chosen()
         self._bodies: dict[Item, Item | None] = {}
@@ -374,7 +381,7 @@ class SdfRobot:
         self._fill(item.inner, models[0], inner)
 
     def _included(self, element: Xml.Element, file: SdfText) -> Path:
-        """Return the file that an element includes: one below the folder of the first file."""
+        """Return the file that an element includes: one below the folder of the first file, or the user's."""
         uri, root = file.word(element, "uri"), self._folder
         if root is None:
             file.bad(element, "it needs the files beside it: give the path of the file")
@@ -389,7 +396,10 @@ class SdfRobot:
             if path.is_relative_to(root) and path.is_dir():
                 path = _file_of_folder(path).resolve()
             if not path.is_relative_to(root) or not path.is_file():
-                file.bad(element, f"uri: {shown(uri)} is no file below the folder of the first one")
+                file.bad(
+                    element,
+                    f"uri: {shown(uri)} is no file below {self._where} (include_root=FOLDER names another)",
+                )
         except (OSError, ValueError) as error:
             file.bad(element, f"uri: {one_line(str(error))}")
         above: SdfText | None = file
