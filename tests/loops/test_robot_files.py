@@ -1,5 +1,6 @@
 """Robots from other people's files: what is read, what is refused, and that it is the same machine."""
 
+import dataclasses
 import math
 import re
 import warnings
@@ -144,6 +145,32 @@ def test_the_sidecar_beside_a_file_is_taken(tmp_path):
     (tmp_path / "arm.urdf").write_text(straight)
     with pytest.warns(ModelWarning, match="coincide"):
         load_robot(tmp_path / "arm.urdf")
+
+
+def test_frames_of_onshape_to_robot_close_a_loop_unless_a_sidecar_does():
+    text, known = robots.four_bar(*robots.FOUR_BAR), robots.FOUR_BAR_SIDECAR
+    ends = [known.closures[0].frame1, known.closures[0].frame2]
+    for number, end in enumerate(ends, 1):
+        assert f'"{end}"' in text
+        text = text.replace(f'"{end}"', f'"closing_pin_{number}"')
+    loaded = load_robot(text)
+    assert loaded.sidecar.closures == (Closure("closing_pin_1", "closing_pin_2"),)
+    usual = load_robot(robots.four_bar(*robots.FOUR_BAR), known)
+    q = usual.assemble().q
+    np.testing.assert_array_equal(loaded.closure_error(q), usual.closure_error(q))
+    assert loaded.mobility(q) == usual.mobility(q) == 1
+    assert load_robot(text, ()).sidecar.closures == ()
+    hinged = dataclasses.replace(known, closures=(Closure("closing_pin_2", "closing_pin_1", "hinge"),))
+    assert load_robot(text, hinged).sidecar.closures == hinged.closures
+    alone = text.replace("closing_pin_2", "closed_pin_2")
+    assert load_robot(alone).sidecar.closures == ()
+    one_body = chain(
+        "".join(
+            robots.link(f"closing_a_{i}") + robots.joint(f"mark_{i}", "lower", f"closing_a_{i}", kind="fixed")
+            for i in (1, 2)
+        )
+    )
+    assert load_robot(one_body).sidecar.closures == ()
 
 
 def test_other_joints_change_nothing_else():

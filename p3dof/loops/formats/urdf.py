@@ -29,7 +29,7 @@ from p3dof._base.checks import one_line, shown
 from p3dof._base.errors import FileError, InputError, ModelError, ModelWarning
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import losses_of, with_armature
-from p3dof.loops.formats.urdf_loops import Declared, declared, tying_parameters, tying_plugins
+from p3dof.loops.formats.urdf_loops import Declared, closing_pairs, declared, tying_parameters, tying_plugins
 from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
 from p3dof.loops.trees import NewJoint, with_joints
 from p3dof.loops.xml_text import XmlReader, is_text, read_xml
@@ -349,6 +349,8 @@ def read(
     model, robot, line_of = build_tree(text, name, root_joint)
     ignore = on_unknown == "ignore"
     found = declared(robot, model, name, mimic, line_of, ignore, bushings)
+    if sidecar is None and not is_tree:
+        found.closures += closing_pairs(robot, model)
     given = () if sidecar is None else sidecar.couplings
     tied = {*found.dependent, *(coupling.joint for coupling in given)}
     free = {str(joint) for joint in model.names} - tied if mimic else set()

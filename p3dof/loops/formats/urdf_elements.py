@@ -18,7 +18,11 @@ _POSE, _LINK, _VALUE = "xyz rpy", "link", "value"
 _BALL, _BUSHING = "drake:ball_constraint", "drake:linear_bushing_rpy"
 READ: Mapping[str, tuple[str, str]] = {
     "robot": ("name version", "the model"),
-    "link": ("name", "a body"),
+    "link": (
+        "name",
+        "a body; onshape-to-robot: `closing_NAME_1` and `closing_NAME_2` are a point closure, unless there "
+        "is a sidecar",
+    ),
     "link/inertial": ("", "its mass and inertia"),
     "link/inertial/origin": (_POSE, ""),
     "link/inertial/mass": (_VALUE, ""),

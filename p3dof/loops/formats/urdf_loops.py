@@ -115,6 +115,20 @@ def _motors(robot: Xml.Element) -> set[str]:
     return {part.get("name", "") for part in (*moved, *commanded)}
 
 
+def closing_pairs(robot: Xml.Element, model: pin.Model) -> Iterator[Closure]:
+    """Yield the loops that onshape-to-robot cuts: links ``closing_NAME_1`` and ``_2`` on two moving bodies.
+
+    It says nothing of the kind of joint; a point is what all kinds but slides have in common.
+    """
+    names = {link.get("name", "") for link in robot.iterfind("link")}
+    for first in sorted(names):
+        second = f"{first[:-1]}2"
+        if first.startswith("closing_") and first.endswith("_1") and second in names:
+            ends = [model.frames[model.getFrameId(name, pin.FrameType.BODY)] for name in (first, second)]
+            if ends[0].parentJoint != ends[1].parentJoint:
+                yield Closure(first, second, "3d")
+
+
 def tying_plugins(robot: Xml.Element, free: Collection[str]) -> Iterator[tuple[Xml.Element, str]]:
     """Yield plug-ins of simulators that tie joints which nothing else ties, with words for them."""
     for plugin in robot.iter("plugin"):
