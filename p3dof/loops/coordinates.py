@@ -508,3 +508,10 @@ def losses_of(model: pin.Model) -> tuple[JointData, ...]:
             losses = max(0.0, float(model.damping[at])), max(0.0, float(model.upperDryFrictionLimit[at]))
             found.append(JointData(str(model.names[i]), damping=losses[0], friction=losses[1]))
     return tuple(entry for entry in found if entry)
+
+
+def add_frame(model: pin.Model, name: str, on: int, placement: pin.SE3) -> None:
+    """Add a frame to a tree."""
+    frame = model.frames[on]
+    where = frame.placement * placement
+    model.addFrame(pin.Frame(name, frame.parentJoint, on, where, pin.FrameType.OP_FRAME))

@@ -23,7 +23,6 @@ from p3dof.loops.assembly import TOLERANCE, Assembly, Limits, State, TargetLike
 from p3dof.loops.batch.kinematics import BodyEnergies, energies_of
 from p3dof.loops.closed_tree import ClosedTree, External
 from p3dof.loops.coordinates import joint_named
-from p3dof.loops.formats import pinocchio_models, urdf
 from p3dof.loops.hybrid import ByName
 from p3dof.loops.margins import Margins, SingularityMargins
 from p3dof.loops.results import ForwardDynamics, HybridDynamics, InverseDynamics
@@ -144,6 +143,8 @@ class LoopModel:
         InputError
             If `root_joint` is not a joint model.
         """
+        from p3dof.loops.formats import urdf
+
         return cls(*urdf.read(path_or_xml, closures, root_joint, mimic, on_unknown, passive))
 
     @classmethod
@@ -183,6 +184,8 @@ class LoopModel:
         InputError
             If `model` is no tree of Pinocchio.
         """
+        from p3dof.loops.formats import pinocchio_models
+
         return cls(*pinocchio_models.read(model, constraint_models, actuated, couplings, reference))
 
     def copy(self) -> Self:

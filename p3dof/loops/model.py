@@ -27,13 +27,13 @@ from p3dof.loops.batch.dynamics import (
     BatchInverseDynamics,
     Prescribed,
 )
-from p3dof.loops.batch.linear import BoolArray, IndexArray
 from p3dof.loops.closed_tree import Asked, External, Loads
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
 from p3dof.loops.compiled.kept import ENOUGH, Method, chosen, compiled_for
 from p3dof.loops.compiled.settling import Settler
 from p3dof.loops.coordinates import rounding
 from p3dof.loops.hybrid import ByName, by_name, joint_freedoms
+from p3dof.loops.linear import BoolArray, IndexArray
 from p3dof.loops.loop_model import LoopModel
 
 

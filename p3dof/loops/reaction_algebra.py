@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import ModelError
-from p3dof.loops.batch.linear import apply, blocks, largest
 from p3dof.loops.closure_joints import ClosureJoint
 from p3dof.loops.compliance import JointCompliance, factor
 from p3dof.loops.coordinates import skew
-from p3dof.loops.linear import RANK_TOLERANCE
+from p3dof.loops.linear import RANK_TOLERANCE, apply, blocks, largest
 
 Weighting: TypeAlias = Callable[[FloatArray], FloatArray]
 """Takes wrenches (N, 6 m, k) to rows whose squares are to be small."""

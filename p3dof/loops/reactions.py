@@ -40,13 +40,12 @@ from p3dof._base.checks import FloatArray, Readable, as_floats, frozen_array, po
 from p3dof._base.errors import DynamicsError, InputError, ModelError
 from p3dof._base.threads import Own
 from p3dof.loops.batch.kinematics import placed, shared_placements
-from p3dof.loops.batch.linear import blocks
 from p3dof.loops.closed_tree import CLOSED, CONSISTENT, External
 from p3dof.loops.closure_joints import ClosureJoint, joints_of
 from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.loops.compliance import JointCompliance
 from p3dof.loops.coordinates import ACCURACY
-from p3dof.loops.linear import UNIQUE
+from p3dof.loops.linear import UNIQUE, blocks
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.reaction_algebra import IndexArray, Loads, Measure, Solved, Structure, solve
 

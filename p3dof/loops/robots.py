@@ -14,7 +14,6 @@ from p3dof._base.checks import shown
 from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import with_armature
-from p3dof.loops.formats import mjcf, sdf, srdf, urdf
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
 from p3dof.loops.xml_text import is_text, read_xml, root_of
@@ -135,13 +134,19 @@ def load_robot(
         bushings=bushings,
         include_root=include_root,
     )
-    if root == "mujoco":
+    if root == "mujoco":  # a reader is loaded when a file needs it
+        from p3dof.loops.formats import mjcf
+
         tree, found = mjcf.read(source, state, include_root)
         if passive is False:
             found = replace(found, joint_data=())
     elif root == "sdf":
+        from p3dof.loops.formats import sdf
+
         tree, found = sdf.read(source, given, root_joint, mimic, on_unknown, passive, include_root)
     else:
+        from p3dof.loops.formats import srdf, urdf
+
         tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive), bushings)
         if srdf_file is not None:
             values = srdf.state_of(srdf_file, state, list(tree.names)[1:])

@@ -101,13 +101,6 @@ def _copy_frames(
             frames[i] = new.addFrame(pin.Frame(frame.name, joint, above, frame.placement, frame.type))
 
 
-def add_frame(model: pin.Model, name: str, on: int, placement: pin.SE3) -> None:
-    """Add a frame to a tree."""
-    frame = model.frames[on]
-    where = frame.placement * placement
-    model.addFrame(pin.Frame(name, frame.parentJoint, on, where, pin.FrameType.OP_FRAME))
-
-
 _SHUT = 1e-9  # largest gap that a closure or a coupling may have which locked joints hold alone [m or rad]
 
 

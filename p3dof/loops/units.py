@@ -28,11 +28,11 @@ from p3dof.loops.assembly import TOLERANCE, Assembly, FrameTarget, State, Target
 from p3dof.loops.batch.assembly import BatchAssembler, BatchStates, FrameTargets, Targets
 from p3dof.loops.batch.dynamics import BatchDynamics, BatchHybridDynamics, BatchInverseDynamics, Prescribed
 from p3dof.loops.batch.hybrid import BatchHybrid
-from p3dof.loops.batch.linear import BoolArray, blocks
 from p3dof.loops.closed_tree import Asked, ClosedTree, Loads
 from p3dof.loops.closure_kinds import LENGTHS
 from p3dof.loops.coordinates import length_coordinates
 from p3dof.loops.hybrid import JointAccelerations, Prescription
+from p3dof.loops.linear import BoolArray, blocks
 from p3dof.loops.results import ClosureForces, ForwardDynamics, HybridDynamics, InverseDynamics, read_only
 from p3dof.loops.sidecar import Coupling, Sidecar
 

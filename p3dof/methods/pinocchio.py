@@ -44,8 +44,8 @@ from p3dof._base.tracing import Number
 from p3dof.loops import ClosedLoopModel, FrameTarget, State
 from p3dof.loops.batch.assembly import FrameTargets, complete_near
 from p3dof.loops.batch.kinematics import Sweep
-from p3dof.loops.batch.linear import BLOCK, IndexArray, blocks
 from p3dof.loops.batch.traced import TracedLoops, Vector, columns_of
+from p3dof.loops.linear import BLOCK, IndexArray, blocks
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import PLATFORM, SLIDES, Actuators, Friction, Parameters
 from p3dof.methods.solution import CoulombLimits, JointStates, Solution

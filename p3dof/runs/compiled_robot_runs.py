@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import P3dofError
 from p3dof.loops import ClosedLoopModel, CompiledLoop
-from p3dof.loops.batch.linear import IndexArray
 from p3dof.loops.compiled import runs
 from p3dof.loops.compiled.adaptive import Adaptation, AdaptiveRun, CompiledAdaptation, Other
 from p3dof.loops.compiled.kept import ENOUGH
 from p3dof.loops.compiled.runs import CompiledRuns, Limited, StepPlan
+from p3dof.loops.linear import IndexArray
 from p3dof.runs.joint_controllers import JointComputedTorque, JointFeedforward, JointPD
 from p3dof.runs.margins import RobotMargins
 from p3dof.runs.settings import EDGE

@@ -17,10 +17,10 @@ from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.threads import thread_count
 from p3dof._base.time_series.times import evenly, sample_count
 from p3dof.loops import ClosedLoopModel
-from p3dof.loops.batch.linear import IndexArray
 from p3dof.loops.compiled import runs
 from p3dof.loops.compiled.kept import Method
 from p3dof.loops.compiled.runs import RunsFound
+from p3dof.loops.linear import IndexArray
 from p3dof.runs.compiled_robot_runs import Acting, acting_in_c, limited, runs_of, step_plan
 from p3dof.runs.joint_controllers import JointPD
 from p3dof.runs.margins import ROBOT_KINDS, RobotMargins, Stop

@@ -19,9 +19,9 @@ from p3dof.closed_form import kinematics
 from p3dof.loops import ClosedLoopModel, Sidecar
 from p3dof.loops.batch.assembly import FrameTargets
 from p3dof.loops.batch.kinematics import ClosureRows, Sweep
-from p3dof.loops.batch.linear import BLOCK, FEW, independent_rows, inverse
 from p3dof.loops.closed_tree import ClosedTree
 from p3dof.loops.coordinates import rotation_vector, turned_rates
+from p3dof.loops.linear import BLOCK, FEW, independent_rows, inverse
 from p3dof.machine.motion import states_of
 from p3dof.machine.parameters import PAPER, Friction
 from p3dof.methods import pinocchio

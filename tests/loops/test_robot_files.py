@@ -33,7 +33,7 @@ from robot_texts import (
 import p3dof
 from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof.loops import Closure, Coupling, Sidecar
-from p3dof.loops.formats import urdf, urdf_elements
+from p3dof.loops.formats import urdf, urdf_loops
 from p3dof.loops.robots import load_robot
 from p3dof.loops.trees import with_joints
 
@@ -927,7 +927,7 @@ def load_tree(text, **options):
 
 def test_the_documentation_has_the_table_of_the_reader():
     page = (ROOT / "docs/reference/urdf-elements.md").read_text(encoding="utf-8")
-    assert urdf_elements.table() in page, "write what table() of urdf_elements.py returns into the page"
+    assert urdf_loops.table() in page, "write what table() of urdf_loops.py returns into the page"
 
 
 # SRDF, names, references -----------------------------------------------------------------------------------

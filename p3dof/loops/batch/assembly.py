@@ -40,7 +40,10 @@ from p3dof.loops.assembly import (
 )
 from p3dof.loops.batch.dynamics import redundant
 from p3dof.loops.batch.kinematics import ClosureRows, Frames, Pair, Samples, Sweep
-from p3dof.loops.batch.linear import (
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import LoopKinematics
+from p3dof.loops.coordinates import ACCURACY, WELL, rotation_vector, rounding, turned_rates
+from p3dof.loops.linear import (
     FEW,
     BoolArray,
     IndexArray,
@@ -51,9 +54,6 @@ from p3dof.loops.batch.linear import (
     largest,
     norms,
 )
-from p3dof.loops.closed_tree import ClosedTree
-from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.coordinates import ACCURACY, WELL, rotation_vector, rounding, turned_rates
 
 _NEAR = 1e-2  # largest first Newton step from a configuration that is not assembled [m or rad]
 _CUT = 0.25  # length to which a longer one is cut [m or rad]

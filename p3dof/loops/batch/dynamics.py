@@ -28,9 +28,13 @@ from p3dof.loops.batch.kinematics import (
     choose,
     follow,
 )
-from p3dof.loops.batch.linear import (
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import TIGHT, LoopKinematics
+from p3dof.loops.coordinates import ACCURACY, SURELY, WELL, cross, rounding
+from p3dof.loops.linear import (
     FEW,
     PROBES,
+    RANK_TOLERANCE,
     BoolArray,
     IndexArray,
     apply,
@@ -42,10 +46,6 @@ from p3dof.loops.batch.linear import (
     solve,
     with_probes,
 )
-from p3dof.loops.closed_tree import ClosedTree
-from p3dof.loops.closures import TIGHT, LoopKinematics
-from p3dof.loops.coordinates import ACCURACY, SURELY, WELL, cross, rounding
-from p3dof.loops.linear import RANK_TOLERANCE
 from p3dof.loops.results import HybridDynamics
 
 

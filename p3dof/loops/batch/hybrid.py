@@ -23,10 +23,16 @@ from p3dof._base.errors import InputError
 from p3dof._base.threads import Workspace
 from p3dof.loops.batch.dynamics import BatchHybridDynamics, Prescribed, generalised
 from p3dof.loops.batch.kinematics import BatchConditioning, ClosureRows, Pair, Sweep
-from p3dof.loops.batch.linear import (
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import TIGHT
+from p3dof.loops.coordinates import ACCURACY, NO_CHANGE, SURELY, WELL, rounding
+from p3dof.loops.hybrid import KINDS
+from p3dof.loops.linear import (
     FEW,
     PROBES,
+    RANK_TOLERANCE,
     BoolArray,
+    Decomposition,
     IndexArray,
     apply,
     blocks,
@@ -39,11 +45,6 @@ from p3dof.loops.batch.linear import (
     solve,
     with_probes,
 )
-from p3dof.loops.closed_tree import ClosedTree
-from p3dof.loops.closures import TIGHT
-from p3dof.loops.coordinates import ACCURACY, NO_CHANGE, SURELY, WELL, rounding
-from p3dof.loops.hybrid import KINDS
-from p3dof.loops.linear import RANK_TOLERANCE, Decomposition
 
 _CHOICES = 2  # how many times rows and joints are chosen before all is left to the single samples
 _SOLUTIONS = 2  # solutions of the linear equations at most; for more, single samples get one

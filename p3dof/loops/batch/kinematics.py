@@ -18,10 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import ModelError
 from p3dof._base.threads import Workspace
-from p3dof.loops.batch.linear import (
+from p3dof.loops.closed_tree import ClosedTree
+from p3dof.loops.closures import LoopKinematics
+from p3dof.loops.coordinates import WELL, cross, rotation_vector, turned_rates
+from p3dof.loops.linear import (
     PROBES,
+    RANK_TOLERANCE,
     BoolArray,
+    Decomposition,
     IndexArray,
+    actuation_of,
     apply,
     blocks,
     independent_rows,
@@ -31,10 +37,6 @@ from p3dof.loops.batch.linear import (
     solve,
     with_probes,
 )
-from p3dof.loops.closed_tree import ClosedTree
-from p3dof.loops.closures import LoopKinematics
-from p3dof.loops.coordinates import WELL, cross, rotation_vector, turned_rates
-from p3dof.loops.linear import RANK_TOLERANCE, Decomposition, actuation_of
 
 _LAYOUT = 12  # numbers in a `pin.SE3`: the rotation by columns, then the translation
 _STEADY = ("FreeFlyer", "Planar", "Spherical", "Translation")

@@ -29,9 +29,9 @@ from p3dof._base.threads import Workspace
 from p3dof._base.tracing import Number, Tape, straight_line
 from p3dof.loops.assembly import CONTRACTION, FIRST_STEP, TOLERANCE
 from p3dof.loops.batch.kinematics import shared_placements
-from p3dof.loops.batch.linear import BoolArray, independent_rows, solve
 from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.coordinates import ACCURACY
+from p3dof.loops.linear import BoolArray, independent_rows, solve
 from p3dof.loops.sidecar import Sidecar
 
 Vector: TypeAlias = tuple[Number, Number, Number]

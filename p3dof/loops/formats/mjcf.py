@@ -28,10 +28,10 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError, ModelWarning
+from p3dof.loops.coordinates import add_frame
 from p3dof.loops.formats.mjcf_file import compiled
 from p3dof.loops.formats.urdf import MAX_FREEDOMS, MAX_LINKS
 from p3dof.loops.sidecar import Closure, Coupling, JointData, Sidecar, check_couplings, suggestion
-from p3dof.loops.trees import add_frame
 
 _SLIDE = 2  # of `mujoco.mjtJoint`
 

@@ -28,7 +28,7 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError, ModelError, ModelWarning
-from p3dof.loops.coordinates import single_joint, with_armature
+from p3dof.loops.coordinates import add_frame, single_joint, with_armature
 from p3dof.loops.formats.sdf_file import BALL, Item, SdfRobot, SdfText, first
 from p3dof.loops.formats.sdf_joints import CLOSURES, Graph, Joint, Step, inertia_of, joints_of, reference_body
 from p3dof.loops.formats.urdf import MAX_FREEDOMS
@@ -43,7 +43,6 @@ from p3dof.loops.sidecar import (
     sidecar_of,
     suggestion,
 )
-from p3dof.loops.trees import add_frame
 
 _TYING = re.compile(
     r"loop|coupling|constraint|closure|tendon|equality|bushing|drake:joint|mimic|gear|screw", re.IGNORECASE

@@ -81,8 +81,6 @@ IDLE: Mapping[str, tuple[str, ...]] = {
 SEVERAL = ("link", "joint", "frame", "model", "include", "world", "physics", BALL)  # may be there repeatedly
 _VERSIONS = (1, 4), (1, 12)  # the first and the last that is read
 _UNIT = 1e-3  # how far the length of a quaternion may be from 1
-SHORT = 1e-9
-"""Length of an axis below which its direction is rounding."""
 
 
 class SdfText(XmlReader):

@@ -15,7 +15,6 @@ from p3dof.loops.formats.sdf_file import (
     DRAKES,
     MOMENTS,
     POSE_FRAMES,
-    SHORT,
     Item,
     SdfRobot,
     SdfText,
@@ -23,6 +22,7 @@ from p3dof.loops.formats.sdf_file import (
     number_of,
     relative_to,
 )
+from p3dof.loops.formats.urdf import SHORT
 
 _JOINT_AXES = (1, 5)  # the first version whose axes are in the axes of the joint
 _UNIT = 1e-15  # how far the length of a direction may be from 1

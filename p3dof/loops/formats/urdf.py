@@ -1,6 +1,6 @@
 """URDF: the tree by Pinocchio, its loops from the file (`urdf_loops`) or a sidecar.
 
-What is unknown is named (`urdf_elements`).
+What is unknown is named (`urdf_loops`).
 
 urdfdom drops an unreadable ``<inertial>`` and goes on with a massless link, and Pinocchio reads a cycle as an
 empty model and a link with two parents as a missing body. Here each of these is one clear error. They are
@@ -54,7 +54,7 @@ _PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
 _LONG = 2000  # longest list in a message [characters]
-_SHORT = 1e-9
+SHORT = 1e-9
 """Length of an axis below which its direction is rounding, if it has one; one may be as much too long."""
 
 
@@ -172,7 +172,7 @@ class _LinkReader(XmlReader):
                 self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
-            if tag == "axis" and self._turns() and not _SHORT <= math.hypot(*values) <= 1 / _SHORT:
+            if tag == "axis" and self._turns() and not SHORT <= math.hypot(*values) <= 1 / SHORT:
                 length = (
                     "one that is too long" if math.hypot(*values) > 1 else "nearly " * any(values) + "zero"
                 )
