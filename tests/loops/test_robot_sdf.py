@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from damage import damaged
+from documents import ROOT
 from gallery import MOBILITY, gallery
 from other_robots import load, others
 from sdf_texts import ALL, BACKWARDS, DRAKES, FOUR_BAR, GEARS, RICH, effort, joint, link, pose, sdf
@@ -23,6 +24,8 @@ from pydrake.multibody.tree import JacobianWrtVariable, ModelInstanceIndex
 
 from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof.loops import load_robot
+from p3dof.loops.formats import sdf_file
+from p3dof.loops.formats.sdf_joints import KINDS
 from p3dof.loops.writers.sdf import text
 from p3dof.viewer.document.meshes import visuals_of
 
@@ -855,3 +858,10 @@ def test_no_joint_of_a_damaged_file_is_lost_in_silence():
             assert found, (name, written)
         read += 1
     assert read > 50
+
+
+def test_the_documentation_has_the_table_of_the_reader():
+    page = (ROOT / "docs/reference/sdf-elements.md").read_text(encoding="utf-8")
+    assert sdf_file.table() in page, "write what table() of sdf_file.py returns into the page"
+    for kind in KINDS:
+        assert f"`{kind}`" in page

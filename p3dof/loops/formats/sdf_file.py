@@ -535,3 +535,12 @@ def _file_of_folder(folder: Path) -> Path:
         found, key=lambda one: [number_of(word) for word in one.get("version", "0").split(".")], default=None
     )
     return folder / ("model.sdf" if newest is None else (newest.text or "").strip())
+
+
+def table() -> str:
+    """Return the elements that are read, and those without effect, in Markdown."""
+    rows = ["| In | Elements that are read | Elements without effect on the dynamics |", "|---|---|---|"]
+    for within in dict.fromkeys((*READ, *IDLE)):
+        parts = (", ".join(f"`{name}`" for name in known.get(within, ())) for known in (READ, IDLE))
+        rows.append(f"| `{within}` | {' | '.join(parts)} |")
+    return "\n".join(rows) + "\n"
