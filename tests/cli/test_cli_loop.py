@@ -513,7 +513,7 @@ def test_runs_that_cannot_be(five_bar):
         ),
         (("show", "FILE", "--no-open", "--simulate", "1", "--motion", "FILE"), "exclude each other"),
         (("show", "FILE", "--no-open", "--actuator-force", "left_joint=1"), "force needs --simulate"),
-        (("show", "FILE", "--no-open", "--at", "2"), "--at: expected a time from 0 to 0 s, got 2"),
+        (("show", "FILE", "--no-open", "--at", "9"), "--at: expected a time from 0 to 4 s, got 9"),
         (("show", "FILE", "--no-open", "--external", "left_tip=1,2"), "expected three or six numbers, got 2"),
         (("show", "FILE", "--no-open", "--external", "nowhere=1,2,3"), "'nowhere' does not exist"),
         (("show", "FILE", "--no-open", "--external", "left_tip=1,2,nan"), "expected finite numbers"),

@@ -126,7 +126,7 @@ def show(
     given = _Given(values, motion_file, duration, forces, external, method)
     picture = out is not None and suffix_of(out, "show") in SUFFIXES["picture"]
     moving = None if still or picture else given.default(robot)
-    motion, warnings = given.motion(robot) if moving is None else (moving, list(moving.remarks))
+    motion, warnings = given.motion(robot) if moving is None else (moving, [])
     _check_moment(motion, view.at)
     source = str(inputs[0]) if shapes and inputs[0] != STREAM else None  # what came by a stream is gone
     figure = RobotFigure(robot, source, package_dirs)
@@ -141,7 +141,8 @@ def show(
             recording = RobotScene(robot, figure, trace=trace).record(motion, **view.page)
             print_written(Console(), [recording.save(out)])
         return 0
-    shared: dict[str, Any] = {"shapes": figure, "closure_forces": closure_forces, "notes": warnings}
+    notes = warnings if moving is None else moving.remarks
+    shared: dict[str, Any] = {"shapes": figure, "closure_forces": closure_forces, "notes": notes}
     shared |= view.page
     if out is None:
         view.serve(lambda: show_robot(robot, motion, port=view.port, method=method, **shared), "the robot")
