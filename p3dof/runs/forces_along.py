@@ -135,7 +135,8 @@ def through_ranges(
         return None
     time = np.linspace(0.0, _SHOWN, _FRAMES, dtype=np.float64)
     turns = 2 * np.pi / _SHOWN * (1 + np.arange(len(ranges)) % 2)
-    home = np.array([joint_values(robot, q)[name][0] for name in robot.actuated])
+    values = joint_values(robot, q)
+    home = np.array([values[name][0] for name in robot.actuated])
     low, high = np.array(ranges).T
     most = np.minimum(high - home, home - low)
     most = _SHARE * np.where(most > 0.05 * (high - low), most, 0.0)  # where it is at a limit, it stays

@@ -79,6 +79,7 @@ def _command() -> str:
         "--reference": given["reference"],
         "--srdf": file_name(given["srdf"]),
         "--ignore-unknown": given["ignore_unknown"],
+        "--include-root": file_name(given["include_root"]),
         "--prefix": given["prefix"],
         "--functions": given["functions"],
         "--external": given["external"],

@@ -31,7 +31,7 @@ from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof.loops.coordinates import add_frame, single_joint, with_armature
 from p3dof.loops.formats.sdf_file import BALL, Item, SdfRobot, SdfText, first
 from p3dof.loops.formats.sdf_joints import CLOSURES, Graph, Joint, Step, inertia_of, joints_of, reference_body
-from p3dof.loops.formats.urdf import MAX_FREEDOMS
+from p3dof.loops.formats.urdf import MAX_FREEDOMS, check_options
 from p3dof.loops.formats.urdf_loops import tying_plugins, with_z_along
 from p3dof.loops.sidecar import (
     Closure,
@@ -68,10 +68,7 @@ def read(
     include_root: str | os.PathLike[str] | None = None,
 ) -> tuple[pin.Model, Sidecar]:
     """Return the tree of an SDF file and its loops; joints that the user's sidecar names stay in the tree."""
-    if root_joint is not None and not hasattr(root_joint, "nq"):
-        raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
-    if on_unknown not in ("raise", "ignore"):
-        raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
+    check_options(root_joint, on_unknown)
     robot, given = SdfRobot(source, include_root), sidecar_of(closures)
     if on_unknown == "raise":
         _tell_unknown(robot)

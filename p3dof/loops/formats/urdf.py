@@ -328,6 +328,14 @@ def _coinciding(model: pin.Model, names: list[str]) -> list[tuple[str, str]]:
     ]
 
 
+def check_options(root_joint: object, on_unknown: object) -> None:
+    """Refuse options of a reader that are none."""
+    if root_joint is not None and not hasattr(root_joint, "nq"):
+        raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
+    if on_unknown not in ("raise", "ignore"):
+        raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
+
+
 def read(
     source: str | os.PathLike[str],
     closures: SidecarLike = None,
@@ -339,10 +347,7 @@ def read(
 ) -> tuple[pin.Model, Sidecar]:
     """Return the tree of a URDF and its loops."""
     sidecar, is_tree = sidecar_of(closures), isinstance(closures, tuple) and not closures
-    if root_joint is not None and not hasattr(root_joint, "nq"):
-        raise InputError(f"root_joint: expected a pinocchio joint model, got {type(root_joint).__name__}")
-    if on_unknown not in ("raise", "ignore"):
-        raise InputError(f"on_unknown: expected 'raise' or 'ignore', got {shown(on_unknown)}")
+    check_options(root_joint, on_unknown)
     if bushings not in (None, "closures"):
         raise InputError(f"bushings: expected 'closures' or None, got {shown(bushings)}")
     text, name = read_xml(source)
