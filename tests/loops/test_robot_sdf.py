@@ -865,3 +865,13 @@ def test_the_documentation_has_the_table_of_the_reader():
     assert sdf_file.table() in page, "write what table() of sdf_file.py returns into the page"
     for kind in KINDS:
         assert f"`{kind}`" in page
+
+
+def test_an_unknown_element_that_names_two_links_is_not_left_out():
+    belt = '<belt_drive><from>base</from><to side="left">hand</to></belt_drive>'
+    text = sdf(link("base"), link("hand"), joint("wrist", "base", "hand"), belt)
+    with pytest.raises(ModelError, match="<belt_drive> in <model> looks like a loop, and is not understood"):
+        load_robot(text)
+    with pytest.warns(ModelWarning, match="left out: <belt_drive> in <model>"):
+        load_robot(text.replace(belt, belt.replace("hand", "tip")))
+    assert load_robot(text, on_unknown="ignore").actuated == ("wrist",)

@@ -108,8 +108,11 @@ def _named(given: Sidecar | None) -> set[str]:
 def _tell_unknown(robot: SdfRobot) -> None:
     """Refuse unknown elements that may tie joints, and name all others and what acts and is not read."""
     found = []
+    named = {item.name for item in (*robot.links, *robot.joints)}
     for file, element, within in robot.unknown:
-        if within in _TIED_IN and _TYING.search(element.tag):
+        texts = {text.strip() for one in element.iter() for text in (one.text or "", *one.attrib.values())}
+        ties = len(named & texts) > 1  # such as a belt between two links
+        if within in _TIED_IN and (ties or _TYING.search(element.tag)):
             raise ModelError(
                 f"{_where(file, element)}: <{element.tag:.80}> in <{within}> looks like a loop, and is not "
                 "understood (on_unknown='ignore' leaves it out)"
