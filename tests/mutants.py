@@ -151,6 +151,7 @@ TESTS = {
         "reported_errors",
         "compiled_runs",
         "robot_runs_in_c",
+        "page_alive",
     ),
     "p3dof/loops/compiled/adaptive.py": ("robot_runs_in_c", "compiled_loops"),
     "p3dof/loops/compiled/run": ("reported_errors", "compiled_runs", "robot_runs_in_c"),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, as_floats, frozen_array, real, require, shown
 from p3dof._base.errors import InputError
 from p3dof.loops import ClosedLoopModel
-from p3dof.loops.compiled.kept import Method
+from p3dof.loops.compiled.kept import Method, method_of
 from p3dof.viewer.document.document import Shown, robot_document
 from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.document.figure import Drawable, RobotFigure
@@ -104,7 +104,7 @@ def show_robot(
     port: int | None = None,
     method: Method = "general",
 ) -> LiveViewer:
-    """Show any robot in the browser, live: its actuated joints follow sliders, more runs can be sent to it.
+    """Show any robot in the browser, live: it follows sliders and the pointer, more runs can be sent to it.
 
     Parameters
     ----------
@@ -113,8 +113,9 @@ def show_robot(
     port : int, optional
         Of the server, 0 for any; the first free one from 7000 on by default.
     method : {"general", "compiled"} or CompiledLoop
-        What computes positions and forces while joints are moved by hand: the robot, or C that is compiled
-        for it, where there is a compiler and the compiled dynamics is to be trusted.
+        What computes positions and forces while joints are moved by hand where the page cannot do so by
+        itself, as of a robot with composite joints: the robot, or C that is compiled for it, where there is a
+        compiler and the compiled dynamics is to be trusted.
 
     Returns
     -------
@@ -148,17 +149,21 @@ def show_robot(
         speed=speed,
         playing=playing,
     )
-    document = page.document | {"engine": {"kind": "ask"}}
-    acting = _acting(run, external)
-    answers = RobotAnswers(copy, np.array(decoded(document["runs"][0]["q"])[0]), acting, method)
+    document, answers = page.document, None
+    method_of(copy, method)
+    if document["engine"]["kind"] == "none":
+        document = document | {"engine": {"kind": "ask"}}
+        start = np.array(decoded(document["runs"][0]["q"])[0])
+        answers = RobotAnswers(copy, start, _acting(run, external), method) if copy.actuated else None
 
     def run_of(another: Any) -> dict[str, Any]:
         if another is None:
             raise InputError("run: expected a run or a motion of the robot, got None")
-        found: dict[str, Any] = robot_document(copy, figure, another, external=external)["runs"][0]
+        options: dict[str, Any] = {"external": external, "engine": "none"}
+        found: dict[str, Any] = robot_document(copy, figure, another, **options)["runs"][0]
         return found
 
-    return LiveViewer(document, run_of, answers if copy.actuated else None, port)
+    return LiveViewer(document, run_of, answers, port)
 
 
 def figure_of(

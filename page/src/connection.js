@@ -132,7 +132,7 @@ export class Connection {
         const shown = read(document);
         window.document.title = shown.title;
         const run = Math.max(Math.min(this.state.run, shown.runs.length - 1), 0);
-        void load(shown, window.document.getElementById("p3dof-wasm")?.textContent?.trim() ?? "").catch(() => null)
+        void load(shown, window.document.getElementById("p3dof-wasm")?.textContent?.trim() ?? "", this.state).catch(() => null)
             .then((engine) => this.state.set({ document: shown, run, engine: engine ?? this.asking(), ...AT_REST }));
     }
 

@@ -1,6 +1,7 @@
 // The machine's kinematics and dynamics in the page: generated C as WebAssembly, with the numbers of any machine.
 import { bytesOf } from "./document.js";
 import { JOINTS, NUMBERS, PLACES, changed } from "./machine.js";
+import { RobotEngine } from "./robot_engine.js";
 import { impossible, margins, reasons, told } from "./workspace.js";
 
 /** @typedef {import("./machine.js").WhatIf} WhatIf */
@@ -32,14 +33,20 @@ const PAGE = 65536;
 const ZEROS = [0, 0, 0];
 
 /**
- * Load the engine of a document; null where it has none.
+ * Load the engine of a document: the machine's or a robot's own; null where it has none.
  * @param {import("./types").Document} document
- * @param {string} wasm base64
- * @returns {Promise<Engine | null>}
+ * @param {string} wasm of the machine, base64
+ * @param {import("./types").State} state
+ * @returns {Promise<Engine | RobotEngine | null>}
  */
-export async function load(document, wasm) {
-    if (document.engine.kind !== "p3dof") return null;
+export async function load(document, wasm, state) {
+    const { kind } = document.engine;
+    if (kind !== "p3dof" && kind !== "loop") return null;
     if (typeof WebAssembly === "undefined") throw new Error("this browser has no WebAssembly");
+    if (kind === "loop") {
+        const module = /** @type {BufferSource} */ (document.engine.module.data);
+        return new RobotEngine((await WebAssembly.instantiate(module, /** @type {any} */ ({ m: Math }))).instance, document, state);
+    }
     const { instance } = await WebAssembly.instantiate(bytesOf(wasm, "engine"), {});
     return new Engine(instance, document.engine.parameters.data);
 }

@@ -91,7 +91,8 @@ function compute(state) {
     const where = locate(run.time.data, time);
     const { q = joints(scene, run, where), pose = null, values = {}, loads } = heldBy(state, hand);
     const known = { ...unknown(run), ...values };
-    return { time, run, byHand: true, q, pose, ...placed(scene, run, q, where, known, null, loads) };
+    const acting = state.engine?.pushes ? pushed(run, state.engine.pushes()) : run;
+    return { time, run, byHand: true, q, pose, ...placed(scene, acting, q, where, known, null, loads) };
 }
 
 /**
@@ -119,6 +120,9 @@ function heldBy(state, hand) {
     });
     return { q: engine.joints(pose), pose, values };
 }
+
+/** A run with what acts from outside now. @param {Run} run @param {import("./types").Load[]} pushes @returns {Run} */
+const pushed = (run, pushes) => ({ ...run, loads: [...run.loads.filter(({ group }) => group !== "wrench"), ...pushes] });
 
 /** @param {Run} run @returns {Record<string, number>} */
 const unknown = (run) => Object.fromEntries(run.curves.map(({ key }) => [key, NaN]));

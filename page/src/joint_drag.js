@@ -1,11 +1,12 @@
-// Moves actuated joints by the bodies that they carry: what was taken hold of stays under the pointer.
+// Moves a robot by its bodies: what was taken hold of stays under the pointer.
 import { Matrix4, Raycaster, Vector2, Vector3 } from "three";
 import { canMove, setInput, valueOf } from "./hold.js";
 import { instant } from "./instant.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Input} Input */
-/** @typedef {{input: Input, joint: import("./types").Joint, place: number, point: Vector3}} Grip where: in the joint's frame */
+/** Without an input the body itself is pulled, and the motors follow. */
+/** @typedef {{input: Input | null, joint: import("./types").Joint, place: number, point: Vector3}} Grip where: in the joint's frame */
 
 const ABOUT = ["revolute", "continuous"];
 const ROUNDS = 8;
@@ -33,7 +34,11 @@ export function mount(canvas, stage) {
         const { grip } = held;
         const [x, y] = pixels(canvas, event);
         const placement = new Matrix4().fromArray(instant(state).placements, 16 * grip.place);
-        setInput(state, grip.input, valueOf(state, grip.input) + followed(grip, placement, x, y, stage.eye()));
+        if (grip.input) setInput(state, grip.input, valueOf(state, grip.input) + followed(grip, placement, x, y, stage.eye()));
+        else {
+            const { start, along } = stage.eye().ray(x, y);
+            state.engine.pull(grip.place, grip.point.toArray(), start.toArray(), along.toArray());
+        }
     }, { capture: true });
 
     for (const kind of /** @type {const} */ (["pointerup", "pointercancel"])) {
@@ -56,16 +61,17 @@ function pixels(canvas, event) {
 export function gripAt(stage, x, y) {
     const { document } = stage.state;
     const inputs = new Map(document.inputs.filter(({ joint }) => joint !== undefined).map((input) => [input.joint, input]));
-    if (!inputs.size) return null;
+    const pulls = Boolean(stage.state.engine?.pull) && document.closures.length > 0; // the joints of a tree alone move one by one
+    if (!inputs.size && !pulls) return null;
     const caster = new Raycaster();
     caster.setFromCamera(new Vector2((2 * x) / stage.width - 1, 1 - (2 * y) / stage.height), stage.cameras.used);
     const { solids, world } = stage.contents;
     const [hit] = caster.intersectObjects(solids.meshes.filter((mesh) => mesh.visible && mesh.userData.solid.joint >= 0), false);
     if (!hit) return null;
     let place = hit.object.userData.solid.joint;
-    while (place >= 0 && !inputs.has(place)) place = document.scene.joints[place].parent;
-    const input = inputs.get(place);
-    if (!input) return null;
+    while (!pulls && place >= 0 && !inputs.has(place)) place = document.scene.joints[place].parent;
+    const input = pulls ? null : inputs.get(place);
+    if (input === undefined) return null;
     const toJoint = new Matrix4().multiplyMatrices(world.matrixWorld, solids.joints[place].matrix).invert();
     return { input, joint: document.scene.joints[place], place, point: hit.point.clone().applyMatrix4(toJoint) };
 }

@@ -1,4 +1,4 @@
-// Sliders for the actuated joints of any robot: Python says where it is then, and what holds it there.
+// Sliders for the actuated joints of any robot: the page, or Python, says where it is then and what holds it there.
 import { heading } from "./by_hand.js";
 import { canMove, setInput, valueOf } from "./hold.js";
 import { make, write } from "./make.js";
@@ -29,6 +29,8 @@ export function mount(element, state) {
         }
         sliders.forEach((slider) => slider.show());
         alone.hidden = canMove(state);
+        const { engine } = state.document;
+        write(alone, "why" in engine && engine.why ? `${ALONE} By itself it cannot move this robot: ${engine.why}.` : ALONE);
         const unknown = state.hand && state.engine?.held?.(state.hand)?.notes?.join(" ");
         head.show(state.refused ? `${state.refused.text}. The picture stays.` : unknown || "");
     });

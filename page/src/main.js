@@ -16,6 +16,7 @@ import * as panel from "./panel.js";
 import { picture } from "./picture.js";
 import * as planning from "./planning.js";
 import * as print from "./print.js";
+import * as robot_panel from "./robot_panel.js";
 import * as room from "./room.js";
 import * as runs from "./runs.js";
 import * as scene from "./scene.js";
@@ -47,6 +48,7 @@ const PARTS = [
     ["room to move", "room", room.mount],
     ["static and dynamic part", "cases", cases.mount],
     ["what-if", "what-if", what_if.mount],
+    ["what-if of a robot", "what-if", robot_panel.mount],
     ["waypoints", "waypoints", waypoints.mount],
     ["layers", "layers", views.mount],
     ["downloads", "downloads", downloads.mount],
@@ -85,7 +87,7 @@ async function start() {
         picture: () => picture(state),
     });
     try {
-        state.engine = await engine.load(shown, element("p3dof-wasm").textContent?.trim() ?? "");
+        state.engine = await engine.load(shown, element("p3dof-wasm").textContent?.trim() ?? "", state);
     } catch (error) {
         console.warn(error);
         say(element("heading"), `The forces cannot be computed in this page: ${message(error)}. What is stored is shown.`);

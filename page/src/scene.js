@@ -17,6 +17,8 @@ const NARROW = 700;
 const READABLE = 0.65;
 /** Pixels drawn for each of the page along an edge, at most; and after which pause they are in software [ms]. */
 const FINEST = 2, PAUSE = 150;
+/** In software, pixels drawn for each of the page along an edge while pictures follow each other more slowly than this [ms]. */
+const COARSE = 0.7, SLOW = 33;
 
 /** @param {HTMLElement} element @param {State} state */
 export function mount(element, state) {
@@ -44,6 +46,9 @@ export class Stage {
     constructor(element, canvas, context, state, soft) {
         this.soft = soft;
         this.timer = 0;
+        /** When a picture was drawn last, and how far apart the latest ones were [ms]. */
+        this.last = this.pace = 0;
+        this.coarse = false;
         this.element = element;
         this.canvas = canvas;
         this.state = state;
@@ -209,7 +214,12 @@ export class Stage {
 
     /** Draw now; in software with smooth edges only a moment later, if nothing moves. */
     render() {
-        this._draw(this.soft ? 1 : Math.min(window.devicePixelRatio || 1, FINEST));
+        const now = performance.now(), since = now - this.last;
+        this.last = now;
+        if (since > PAUSE) [this.pace, this.coarse] = [0, false]; // a first picture, as fine as the page
+        else this.pace += (since - this.pace) / 4;
+        this.coarse ||= this.pace > SLOW;
+        this._draw(!this.soft ? Math.min(window.devicePixelRatio || 1, FINEST) : this.coarse ? COARSE : 1);
         if (!this.soft) return;
         clearTimeout(this.timer);
         this.timer = window.setTimeout(() => this._current() && this.refine(), PAUSE);

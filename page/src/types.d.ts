@@ -64,7 +64,15 @@ export interface Document {
     start?: Start;
     format: 1; title: string; generator: Record<string, string>; machine: { name: string; hash: string };
     scene: Scene; runs: Run[]; closures: Closure[]; inputs: Input[]; limits: Limits;
-    engine: { kind: "p3dof"; parameters: Table } | { kind: "ask" } | { kind: "none" };
+    engine: { kind: "p3dof"; parameters: Table } | LoopEngine | { kind: "ask" } | { kind: "none"; why?: string };
+}
+/** What a page needs to move a robot by itself. */
+export interface LoopEngine {
+    kind: "loop"; module: Table; nq: number; nv: number;
+    v: [number, number][]; bodies: string[]; motors: number[]; effort: (number | null)[]; limits: [number | null, number | null][]; rows: number[]; rank: number | null;
+    entries: Table; mass: Table; gravity: number[]; inertias: Table;
+    external: { frame: string; joint: number; point: number[]; wrench: number[] }[];
+    check: { q: Table; v: Table; tau: Table; a: Table; forces: Table };
 }
 
 /** What a pose by hand could not do, and which legs are to blame ("a", "b", "c"). */

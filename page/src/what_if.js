@@ -1,4 +1,5 @@
 // Forces with another machine than the document's: payload, friction, lengths, gravity, external load.
+import { gravityField, wrenchFields } from "./acting.js";
 import { ACTUATORS, PLACES, faultOf } from "./machine.js";
 import { choose, make, mark, write } from "./make.js";
 import { agreement } from "./resolve.js";
@@ -163,69 +164,12 @@ function bodies(state) {
     };
 }
 
-const EARTH = 9.80665;
-/** @type {Record<string, [string, (down: number) => number[]]>} */
-const GRAVITIES = {
-    none: ["none", () => [0, 0, 0]],
-    moon: ["Moon, 1.62 m/s²", () => [0, 0, -1.62]],
-    mars: ["Mars, 3.73 m/s²", () => [0, 0, -3.73]],
-    x: ["base tilted about x", () => []],
-    y: ["base tilted about y", () => []],
-    over: ["base upside down", (down) => [0, 0, down]],
-};
-
 /** @param {State} state */
-function gravity(state) {
-    let chosen = "file", angle = 30, fault = "";
-    const select = make("select", { name: "gravity" });
-    const box = make("input", { type: "number", min: "-180", max: "180", step: "5", value: "30", "aria-label": "Tilt of the base in degrees" });
-    const tilt = make("span", {}, box, " °");
-    const take = () => {
-        const engine = engineOf(state);
-        if (!engine) return;
-        const own = Math.hypot(...engine.original.subarray(PLACES.gravity, PLACES.gravity + 3)) || EARTH;
-        const turn = (angle * Math.PI) / 180, [sin, cos] = [Math.sin(turn), Math.cos(turn)];
-        if (chosen === "set") return;
-        const vector = chosen === "x" ? [0, -own * sin, -own * cos] : chosen === "y" ? [own * sin, 0, -own * cos] : GRAVITIES[chosen]?.[1](own);
-        change(state, { gravity: vector });
-    };
-    select.addEventListener("change", () => {
-        chosen = select.value;
-        fault = "";
-        take();
-        state.set({});
-    });
-    box.addEventListener("input", () => {
-        const value = box.valueAsNumber, far = Math.abs(value) > 360;
-        fault = far ? `The tilt of the base: expected within ±360°, got ${Number(value.toPrecision(6))}°. ${angle}° is kept.` : "";
-        if (Number.isFinite(value) && !far) {
-            angle = value;
-            take();
-        }
-        state.set({});
-    });
-    box.addEventListener("blur", () => state.set({}));
-    const vector = make("span", { className: "note", role: "status" });
-    const row = make("label", { className: "field" }, "Gravity ", select, tilt, vector);
-    return {
-        row,
-        show() {
-            if (!state.whatIf.gravity) chosen = "file"; // or of the run that was kept
-            else if (chosen === "file") chosen = "set"; // not by this list
-            /** @type {[string, string][]} */
-            const choices = Object.entries(GRAVITIES).map(([key, [label]]) => [key, label]);
-            choose(select, [["file", "as in the file"], ...choices, .../** @type {[string, string][]} */ (chosen === "set" ? [["set", "as set"]] : [])], chosen);
-            tilt.hidden = chosen !== "x" && chosen !== "y";
-            if (tilt.hidden) fault = "";
-            const focused = box === document.activeElement;
-            if (!focused && !fault && box.valueAsNumber !== angle) box.value = String(angle);
-            mark(box, fault !== "" || (focused && box.validity.badInput));
-            vector.classList.toggle("alarm", fault !== "");
-            row.classList.toggle("changed", state.whatIf.gravity !== undefined);
-            write(vector, fault || (tilt.hidden || !state.whatIf.gravity) ? fault : `(${state.whatIf.gravity.map((x) => fixed(x, 2)).join(", ")}) m/s²`);
-        },
-    };
-}
+const gravity = (state) => gravityField(state, {
+    own: () => engineOf(state)?.original.subarray(PLACES.gravity, PLACES.gravity + 3) ?? null,
+    now: () => state.whatIf.gravity,
+    set: (vector) => change(state, { gravity: vector }),
+});
 
 const UNITS = { armature: "kg", counterbalance: "N", spring: "N/m", counterweight: "kg" };
 const MEANINGS = {
@@ -278,36 +222,12 @@ function actuators(state) {
     };
 }
 
-const WRENCH = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
-
 /** @param {State} state */
-function wrench(state) {
-    const boxes = WRENCH.map((name, k) => {
-        const box = make("input", { type: "number", step: "any", value: "0", "aria-label": `${name} [${k < 3 ? "N" : "N m"}]` });
-        box.addEventListener("input", () => {
-            const now = state.whatIf.wrench ?? ownOf(state).wrench;
-            const rows = boxes.map((one, i) => (Number.isFinite(one.valueAsNumber) ? one.valueAsNumber : now?.[i] ?? 0));
-            mark(box, box.validity.badInput);
-            change(state, { wrench: rows.some((value) => value !== 0) || ownOf(state).wrench ? rows : undefined });
-        });
-        box.addEventListener("blur", () => state.set({}));
-        return box;
-    });
-    const grid = make("div", { className: "wrench" }, ...boxes.map((box, k) => make("label", {}, `${WRENCH[k]} `, box)));
-    const row = make("details", {}, make("summary", {}, "External load at P [N, N m]"), grid);
-    return {
-        row,
-        show() {
-            boxes.forEach((box, k) => {
-                const value = (state.whatIf.wrench ?? ownOf(state).wrench)?.[k] ?? 0;
-                if (box === document.activeElement) return;
-                mark(box, false);
-                if (box.valueAsNumber !== value) box.value = String(value);
-            });
-            row.classList.toggle("changed", state.whatIf.wrench !== undefined);
-        },
-    };
-}
+const wrench = (state) => wrenchFields(state, "External load at P [N, N m]", {
+    now: () => state.whatIf.wrench ?? ownOf(state).wrench,
+    changed: () => state.whatIf.wrench !== undefined,
+    set: (rows) => change(state, { wrench: rows.some((value) => value !== 0) || ownOf(state).wrench ? rows : undefined }),
+});
 
 /** The largest forces before and now, and what went wrong. @param {State} state */
 function peaks(state) {

@@ -1,4 +1,4 @@
-"""Any robot in the live page: sliders ask Python, which closes the loops and says what holds it there."""
+"""Any robot in the live page: it moves by itself, or asks Python, which says what holds it there."""
 
 from __future__ import annotations
 
@@ -72,8 +72,9 @@ def test_a_slider_moves_a_joint_and_the_loops_stay_closed(browser, request, name
         before = values_of(robot, np.array(seen(watched)["q"]))
         drag(watched, slider, share)
         watched.wait(
-            "i => { const e = p3dof.state.engine, s = document.getElementById(`joint-${i}`);"
-            " return !e.busy && e.latest && Math.abs(e.latest.asked.inputs[s.name] - s.value) < 1e-12; }",
+            "i => { const { engine, document: { inputs } } = p3dof.state;"
+            " return p3dof.instant().byHand && Math.abs(engine.values(p3dof.instant().q)[i]"
+            " - document.getElementById(`joint-${i}`).value) < 1e-12; }",
             index,
         )
         watched.page.mouse.up()
@@ -99,7 +100,7 @@ def test_out_of_reach_is_told_and_the_picture_stays(browser, stewart):
         far = {name: 0.4 + 0.5 * (i % 2) for i, name in enumerate(stewart.actuated)}
         watched.page.evaluate("inputs => p3dof.state.engine.move({ inputs })", far)
         watched.wait("p3dof.state.refused !== null")
-        assert watched.page.evaluate("() => p3dof.state.refused.text").startswith("the loops do not close")
+        assert watched.page.evaluate("() => p3dof.state.refused.text").startswith("The loops do not close")
         assert "The picture stays" in watched.page.inner_text("#pose")
         assert seen(watched)["q"] == before
         watched.healthy()
@@ -179,7 +180,7 @@ def test_why_forces_are_not_known_is_said(browser):
     ):
         watched.page.evaluate("() => p3dof.state.engine.move({ inputs: {} })")
         watched.wait("p3dof.state.hand !== null")
-        assert "a force that no actuator gives" in watched.page.inner_text("#pose")
+        assert "A force is needed that no actuator gives: 2.88 N" in watched.page.inner_text("#pose")
         watched.healthy()
 
 

@@ -58,7 +58,8 @@ def fixed(model, q):
 def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
     robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
     run = simulate_robot(robot, 0.2, q=robot.assemble().q, samples=21, method="general")
-    document = robot_document(robot, RobotFigure(robot, GALLERY / "five_bar.urdf"), run)
+    figure = RobotFigure(robot, GALLERY / "five_bar.urdf")
+    document = robot_document(robot, figure, run, engine="none")
     with opened(browser, written(tmp_path, document), 1200, 800, ready=READY) as watched:
         for i in (0, 13, 20):
             watched.page.evaluate("time => p3dof.seek(time)", float(run.time[i]))
@@ -76,7 +77,7 @@ def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
         heads = "key => p3dof.state.stage.contents.arrows.arrows.get(key).heads.length"
         assert watched.page.evaluate(heads, "force left_motor") == 2  # a moment
         assert watched.page.evaluate(heads, "closure 1 force") == 1
-        # a page alone cannot close the loop: nothing that would break it can be moved
+        # without an engine a page cannot close the loop: nothing that would break it can be moved
         before = placements(watched)
         assert watched.page.locator('input[name="left_motor"]').first.is_disabled()
         spots = [spot for spot in watched.page.evaluate(GRIPS) if spot[0] == "left_motor"]

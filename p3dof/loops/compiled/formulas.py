@@ -90,7 +90,11 @@ class At:
     def __init__(self, robot: Robot, tape: Tape, q: Sequence[Number]) -> None:
         self.robot, self.tape, self.q = robot, tape, q
         self.where: Placements = placements(robot.tree, tape, q)
-        self.loops = Loops(robot.tree, robot.kinematics, self.where)
+
+    @cached_property
+    def loops(self) -> Loops:
+        """The closures."""
+        return Loops(self.robot.tree, self.robot.kinematics, self.where)
 
     @cached_property
     def rows(self) -> list[dict[int, Number]]:

@@ -107,7 +107,17 @@ class Builder:
 
     def function(self, name: str) -> Function:
         """Return the function; refuse one with too many operations."""
-        found = Function(
+        found = self.traced(name)
+        if found.operations > MOST_OPERATIONS:
+            raise ModelError(
+                f"{name}: {found.operations} operations are more than compilers take "
+                f"(at most {MOST_OPERATIONS}): lock joints, or use the robot's own method of that name"
+            )
+        return found
+
+    def traced(self, name: str) -> Function:
+        """Return the function, however large it is."""
+        return Function(
             name,
             self.tape,
             self.inputs,
@@ -117,12 +127,6 @@ class Builder:
             self.closed,
             self.least_margin,
         )
-        if found.operations > MOST_OPERATIONS:
-            raise ModelError(
-                f"{name}: {found.operations} operations are more than compilers take "
-                f"(at most {MOST_OPERATIONS}): lock joints, or use the robot's own method of that name"
-            )
-        return found
 
 
 SHARE = 8_192  # samples that are worth a thread of their own

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from p3dof._base.errors import ModelError
 from p3dof._base.tracing import Number, Symbol
 from p3dof._base.tracing.tape import tangent
 from p3dof.loops.closed_tree import CLOSED, CONSISTENT, NEARLY_CLOSED
 from p3dof.loops.compiled import solutions
+from p3dof.loops.compiled.dynamics import mass_matrix
 from p3dof.loops.compiled.formulas import (
     MARGIN_OF_STATES,
     At,
@@ -26,6 +28,7 @@ from p3dof.loops.compiled.formulas import (
 )
 from p3dof.loops.compiled.function import Builder, Function
 from p3dof.loops.compiled.pivots import solve_symmetric
+from p3dof.loops.compiled.tree import placements
 
 
 def flow(robot: Robot) -> Function:
@@ -311,6 +314,81 @@ def integrate(robot: Robot) -> Function:
     q, shift = build.take("q", robot.tree.nq), build.take("dq", robot.tree.nv)
     build.give("q", moved(At(robot, build.tape, q), dict(enumerate(shift))))
     return build.function("integrate")
+
+
+class Unplanned(NamedTuple):
+    """The parts of the dynamics whose linear algebra somebody else does, as a page.
+
+    closure
+        Errors of closures and couplings at q, and the entries of their Jacobian.
+    terms
+        Generalised forces of the tree at q, v and a, with what acts in joints by themselves, and the
+        acceleration at the closures where a is zero. Gravity (3,), the dynamic parameters of each joint's
+        body (10,) and a wrench at each joint's origin in world axes (6,) are inputs.
+    mass
+        The entries of the mass matrix.
+    rate
+        How q changes with v.
+    wrenches
+        Force and moment of each closure on body 2 at the origin of frame 2, in the axes of body 1.
+    """
+
+    functions: dict[str, Function]  # by name
+    entries: list[tuple[int, int]]  # which entries of the Jacobian there can be: row and column
+    mass: list[tuple[int, int]]  # the same of the mass matrix, of its lower half with the diagonal
+
+
+def unplanned_functions(robot: Robot) -> Unplanned:
+    """Return the functions of a robot whose bodies all have their parameters and loads as inputs."""
+    nq, nv = robot.tree.nq, robot.tree.nv
+    build = Builder()
+    at = At(robot, build.tape, build.take("q", nq))
+    rows = [*at.loops.general_rows(), *at.robot.coupled.rows(at.tape, at.q)]
+    build.give("errors", at.loops.multipliers(at.errors))
+    build.give("J", [x for row in rows for x in row.values()])
+    found = {"closure": build.traced("closure"), "terms": _terms(robot)}
+
+    build = Builder()
+    q = build.take("q", nq)
+    heavy = _with_bodies(build, robot)
+    mass = mass_matrix(heavy.tree, placements(heavy.tree, build.tape, q))
+    lower = [{j: x for j, x in row.items() if j <= i} for i, row in enumerate(mass)]
+    build.give("M", [x for row in lower for x in row.values()])
+    found["mass"] = build.traced("mass")
+
+    build = Builder()
+    q, v = build.take("q", nq), build.take("v", nv)
+    build.give("rate", rates_of(At(robot, build.tape, q), v))
+    found["rate"] = build.traced("rate")
+
+    build = Builder()
+    at = At(robot, build.tape, build.take("q", nq))
+    build.give("wrenches", at.loops.wrenches(build.take("lambda_", len(rows))))
+    found["wrenches"] = build.traced("wrenches")
+    entries = [(i, place) for i, row in enumerate(rows) for place in row]
+    return Unplanned(found, entries, [(i, j) for i, row in enumerate(lower) for j in row])
+
+
+def _terms(robot: Robot) -> Function:
+    build = Builder()
+    nq, nv = robot.tree.nq, robot.tree.nv
+    q, v, a = build.take("q", nq), build.take("v", nv), build.take("a", nv)
+    x, y, z = build.take("gravity", 3)
+    robot = _with_bodies(build, replace(robot, tree=replace(robot.tree, gravity=(x, y, z))))
+    acting = build.take("wrenches", 6 * len(robot.loads))
+    load = {f"wrench_{one.name}": acting[6 * i : 6 * i + 6] for i, one in enumerate(robot.loads)}
+    at = At(robot, build.tape, q)
+    moving = Moving(at, v, load)
+    build.give("forces", moving.needed(a))
+    build.give("drift", at.loops.multipliers(moving.opening([0.0] * nv)))
+    return build.traced("terms")
+
+
+def _with_bodies(build: Builder, robot: Robot) -> Robot:
+    """Take the dynamic parameters of all bodies."""
+    values = build.take("inertias", 10 * len(robot.inertias))
+    each = {f"inertia_{name}": values[10 * i : 10 * i + 10] for i, name in enumerate(robot.inertias)}
+    return robot.with_inputs(each)
 
 
 FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {

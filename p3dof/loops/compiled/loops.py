@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from p3dof._base.tracing import Number, Tape
+from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.compiled.dynamics import BodyRates
 from p3dof.loops.compiled.tree import (
@@ -140,6 +140,35 @@ class Loops:
                     x, y, z = values[at : at + 3]
                     found[at : at + 3] = back(ends.R1, (x, y, z))
             start += ends.closure.rows
+        return found
+
+    def general_rows(self) -> list[Row]:
+        """Return the rows of the Jacobian as the general layer has them, to which its multipliers belong."""
+        rows = self.rows()
+        columns = {
+            place: self.multipliers([row.get(place, 0.0) for row in rows])
+            for place in sorted({place for row in rows for place in row})
+        }
+        found: list[Row] = []
+        for i in range(len(rows)):
+            entries = {place: column[i] for place, column in columns.items()}
+            found.append({place: x for place, x in entries.items() if isinstance(x, Symbol) or x != 0.0})
+        return found
+
+    def wrenches(self, multipliers: Sequence[Number]) -> list[Number]:
+        """Return what each closure exerts on body 2 at the origin of frame 2, in the axes of body 1."""
+        found: list[Number] = []
+        start = 0
+        for ends, relative in zip(self._closures, self._relative, strict=True):
+            forms = self._forms(ends, relative)
+            if ends.closure.kind in ("3d", "6d"):
+                axes = transposed(ends.R1)
+                forms = [*((axis, ZERO) for axis in axes), *((ZERO, axis) for axis in axes)][: len(forms)]
+            force, moment = ZERO, ZERO
+            for (along, about), value in zip(forms, multipliers[start:], strict=False):
+                force, moment = plus(force, times(value, along)), plus(moment, times(value, about))
+            found += [*force, *moment]
+            start += len(forms)
         return found
 
     def _between(self, ends: _Ends) -> _Relative:

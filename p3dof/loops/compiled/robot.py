@@ -54,26 +54,17 @@ def robot_of(
     inertias: Iterable[str] = (),
 ) -> CompiledRobot:
     """Return what formulas need of a model."""
-    model, tree = loop.model, tree_of(loop.model)
-    kinematics = LoopKinematics(model, loop.sidecar)
+    model = loop.model
+    robot = unplanned(loop)
+    tree, kinematics = robot.tree, robot.kinematics
     loads = []
     for name in _different("external", external):
         frame = kinematics.frame(name, "external", InputError)
         place = numbers(frame.placement.translation, tree.size)
         loads.append(Load(name, tree.of_joint[int(frame.parentJoint)], place))
     joints = {name: joint_named(model, name, "inertias") for name in _different("inertias", inertias)}
-    robot = CompiledRobot(
-        tree,
-        kinematics,
-        CoupledJoints(model, loop.sidecar.couplings, kinematics.couplings.periods.tolist()),
-        PassiveJoints(model, loop.sidecar.joint_data),
-        tuple(int(i) for i in loop.actuated_v),
-        Plan((), ()),
-        tuple(loads),
-        bool(joint_forces),
-        {name: tree.of_joint[joint] for name, joint in joints.items()},
-        min(1.0, loop.unit_of_length),
-    )
+    parts = {name: tree.of_joint[joint] for name, joint in joints.items()}
+    robot = replace(robot, loads=tuple(loads), joint_forces=bool(joint_forces), inertias=parts)
     defaults = {name: np.zeros(size) for name, size in robot.inputs.items()}
     for name, joint in joints.items():
         defaults[f"inertia_{name}"] = np.array(model.inertias[joint].toDynamicParameters())
@@ -83,6 +74,21 @@ def robot_of(
     columns = jacobian_rows(robot).on_arrays(*np.array(around).T)
     J = np.stack([np.broadcast_to(column, (len(around),)) for column in columns], axis=-1)
     return replace(robot, plan=planned(J.reshape(len(around), kinematics.size, tree.nv), robot.motors))
+
+
+def unplanned(loop: LoopModel) -> CompiledRobot:
+    """Return what formulas need of a model on which nothing acts, without a plan of elimination."""
+    model, tree = loop.model, tree_of(loop.model)
+    kinematics = LoopKinematics(model, loop.sidecar)
+    return CompiledRobot(
+        tree,
+        kinematics,
+        CoupledJoints(model, loop.sidecar.couplings, kinematics.couplings.periods.tolist()),
+        PassiveJoints(model, loop.sidecar.joint_data),
+        tuple(int(i) for i in loop.actuated_v),
+        Plan((), ()),
+        length=min(1.0, loop.unit_of_length),
+    )
 
 
 def _different(what: str, names: Iterable[str]) -> list[str]:

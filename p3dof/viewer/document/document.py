@@ -23,6 +23,7 @@ from p3dof.loops.tables import is_slide, joint_values
 from p3dof.viewer.document.encoding import layer, setting, some_of
 from p3dof.viewer.document.figure import Drawable, StickFigure
 from p3dof.viewer.document.motion import MOST_SAMPLES, JointMotion, Run
+from p3dof.viewer.document.robot_engine import engine_of
 from p3dof.viewer.document.runs import MULTIPLIERS, robot_run
 from p3dof.viewer.document.solids import BUDGET, robot_solids, room_of
 from p3dof.viewer.document.trees import closures_of, tree_of
@@ -101,7 +102,7 @@ def robot_document(
     runs: Mapping[str, Shown] | None = None,
     external: Mapping[str, ArrayLike] | None = None,
     title: str | None = None,
-    engine: Literal["ask", "none"] = "none",
+    engine: Literal["page", "ask", "none"] = "page",
     triangles: int = BUDGET,
 ) -> dict[str, Any]:
     """Return the document of any robot: its joints, its solids, runs with curves and loads, its closures.
@@ -123,8 +124,9 @@ def robot_document(
         moment [N m] in world axes.
     title : str, optional
         Heading of the page; the robot's name by default.
-    engine : {"ask", "none"}
-        Whether there is a Python that a page can ask for other configurations.
+    engine : {"page", "ask", "none"}
+        Who computes other configurations: the page, by the robot's own dynamics that it carries; a Python
+        that it can ask; or nobody.
     triangles : int
         Most triangles of all meshes together; larger ones are simplified, and a note says so.
 
@@ -161,8 +163,13 @@ def robot_document(
         as_scene(loop.model, points, solids, _layers(loop, figure, solids)),
         [robot_run(loop, motion, v, words, notes + told) for words, motion, v, told in found],
         _inputs(loop, first, half),
-        {"kind": engine},
+        _own_engine(loop, found[0][1]) if engine == "page" else {"kind": engine},
     )
+
+
+def _own_engine(loop: ClosedLoopModel, motion: JointMotion) -> dict[str, Any]:
+    """Return the engine of a page that begins with a motion, under the wrenches of its beginning."""
+    return engine_of(loop, np.array(motion.q[0]), {name: rows[0] for name, rows in motion.acting.items()})
 
 
 def robot_hash(loop: ClosedLoopModel) -> str:
@@ -176,8 +183,8 @@ def robot_hash(loop: ClosedLoopModel) -> str:
 def _check(loop: object, runs: object, title: object, engine: object, triangles: object) -> None:
     require("robot", loop, ClosedLoopModel)
     check_asked(runs, "" if title is None else title)
-    if engine not in ("ask", "none"):
-        raise InputError(f"engine: expected 'ask' or 'none', got {shown(engine)}")
+    if engine not in ("page", "ask", "none"):
+        raise InputError(f"engine: expected 'page', 'ask' or 'none', got {shown(engine)}")
     if isinstance(triangles, bool) or not isinstance(triangles, int) or triangles < 1:
         raise InputError(f"triangles: expected a positive whole number, got {shown(triangles)}")
 
