@@ -49,7 +49,7 @@ const THREE = fileURLToPath(new URL("node_modules/three/src/", import.meta.url))
 /** What of three.js no material of the page needs: shaders, and pieces of them for what is never switched on. */
 const UNUSED = /ShaderLib.(backgroundCube|cube|distance|equirect|linedashed|meshmatcap|meshphysical|meshtoon|shadow|vsm)\.glsl\.js$/;
 const NEVER = /^(shadowmap|tonemapping_pars|envmap|bumpmap|displacementmap|aomap|lightmap|lightprobes|morph|skin|batching|fog|alphahash|logdepthbuf)/;
-/** What stands in the place of virtual reality, shadows and mirrored surroundings. @type {Record<string, string>} */
+/** What stands in the place of virtual reality, shadows, mirrored surroundings, effects, morphing and shared uniforms. @type {Record<string, string>} */
 const LEFT_OUT = {
     WebXRManager: `import { EventDispatcher } from "../../core/EventDispatcher.js";
         export class WebXRManager extends EventDispatcher {
@@ -65,6 +65,17 @@ const LEFT_OUT = {
         }`,
     PMREMGenerator: `export class PMREMGenerator {
             dispose() {}
+        }`,
+    DFGLUTData: "export const getDFGLUT = () => null;",
+    WebGLOutput: "export class WebGLOutput {}",
+    WebGLEnvironments: `export function WebGLEnvironments() {
+            return { get: (texture) => texture ?? null, dispose() {} };
+        }`,
+    WebGLMorphtargets: `export function WebGLMorphtargets() {
+            return { update() {} };
+        }`,
+    WebGLUniformsGroups: `export function WebGLUniformsGroups() {
+            return { dispose() {} };
         }`,
 };
 const SHADER = /\/\* glsl \*\/\s*`(.*?)`/gs;
@@ -99,7 +110,7 @@ const small = {
     async setup(build) {
         const used = await piecesUsed();
         build.onResolve({ filter: /^three$/ }, () => ({ path: `${THREE}Three.js` }));
-        build.onLoad({ filter: /(WebXRManager|WebGLShadowMap|PMREMGenerator)\.js$/ }, ({ path }) =>
+        build.onLoad({ filter: /(WebXRManager|WebGLShadowMap|PMREMGenerator|DFGLUTData|WebGLEnvironments|WebGLMorphtargets|WebGLOutput|WebGLUniformsGroups)\.js$/ }, ({ path }) =>
             ({ contents: LEFT_OUT[basename(path, ".js")], resolveDir: dirname(path) }));
         build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
             const [, piece] = /ShaderChunk.(\w+)\.glsl\.js$/.exec(path) ?? [];

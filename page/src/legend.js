@@ -10,6 +10,9 @@ import { readable } from "./themes.js";
 
 const ORDER = /** @type {const} */ (["now", "before", "other", "difference"]);
 
+/** More curves than these stand in two columns. */
+const FEW = 4;
+
 export class Legend {
     /** @param {HTMLElement} element @param {(key: string) => void} toggle */
     constructor(element, toggle) {
@@ -53,12 +56,13 @@ export class Legend {
         this.values = [];
         this.scale(drawing, units);
         this.element.classList.toggle("one", kinds.length === 1);
+        this.element.classList.toggle("many", kinds.length === 1 && keys.length > FEW);
         this.element.style.setProperty("--columns", String(kinds.length));
         const rows = keys.map((key) => {
             const lines = kinds.flatMap((kind) => drawing.lines.filter((line) => line.key === key && line.kind === kind));
             const button = make("button", {
                 type: "button", className: "curve", "data-key": key, "aria-pressed": !hidden.includes(key),
-                title: hidden.includes(key) ? "show this curve" : "hide this curve",
+                title: `${lines[0].label}: ${hidden.includes(key) ? "show" : "hide"} this curve`,
             }, swatch(lines[0], theme), make("span", { className: "name" }, lines[0].label));
             button.addEventListener("click", () => this.toggle(key));
             return make("div", { className: "row" }, button, ...lines.map((line) => this.value(line)));

@@ -13,7 +13,7 @@ const FIRST_STEP = 0.3, CONTRACTION = 0.25, NEGLIGIBLE = 1e-9, ON_THE_WAY = 1e-8
 /** Forces smaller than this share of a robot's weight are none. */
 const ROUNDING = 1e-12;
 const GREY = "#5f6b76";
-const SMALLEST = "Other actuator forces would do too: these are the smallest, and those in closures go with them.";
+const SMALLEST = "Other actuator forces would do too: the smallest are shown.";
 
 /**
  * What a robot is at a configuration: how far its loops are open, and what their Jacobian allows.
@@ -92,6 +92,12 @@ export class RobotEngine {
     get changed() {
         const { gravity, mass, payload, wrench } = this.changes;
         return Boolean(gravity) || mass.size + payload.size + wrench.size > 0;
+    }
+
+    /** The link that a joint moves. @param {number} joint */
+    body(joint) {
+        const { body, name } = this.document.scene.joints[joint];
+        return body ?? name;
     }
 
     /** Mass centre of a body in its joint's axes [m]. @param {number} joint */
@@ -573,7 +579,7 @@ export class RobotEngine {
     pushing() {
         /** @type {Record<string, number[]>} */
         const found = {};
-        const set = [...this.changes.wrench].map(([joint, wrench]) => ({ frame: this.given.bodies[joint], wrench }));
+        const set = [...this.changes.wrench].map(([joint, wrench]) => ({ frame: this.body(joint), wrench }));
         for (const { frame, wrench } of [...this.given.external, ...set]) {
             [found[`wrench force ${frame}`], found[`wrench moment ${frame}`]] = [wrench.slice(0, 3), wrench.slice(3)];
         }
@@ -582,7 +588,7 @@ export class RobotEngine {
 
     /** The arrows of what acts from outside. @returns {import("./types").Load[]} */
     pushes() {
-        const set = [...this.changes.wrench].map(([joint, wrench]) => ({ frame: this.given.bodies[joint], joint, point: this.centre(joint), wrench }));
+        const set = [...this.changes.wrench].map(([joint, wrench]) => ({ frame: this.body(joint), joint, point: this.centre(joint), wrench }));
         return [...this.given.external, ...set].flatMap(({ frame, joint, point, wrench }) => /** @type {const} */ (["force", "moment"]).flatMap((kind, k) => (
             wrench.slice(3 * k, 3 * k + 3).some((x) => x !== 0)
                 ? [{ key: `wrench ${kind} ${frame}`, label: `External ${kind} on ${frame}`, kind, joint, point, frame: "world", group: "wrench", colour: GREY, unit: kind === "force" ? "N" : "N m" }] : [])));

@@ -58,11 +58,12 @@ function masses(state) {
     };
     const fields = [field("mass", "Mass", "Of this body, its inertia in proportion"), field("payload", "Payload", "A point mass at the mass centre of this body")];
     const which = {
-        row: make("div", { className: "field" }, make("label", {}, "Body ", select), ...fields.map(({ row }) => row)),
+        row: make("div", {}, make("label", { className: "field" }, "Body ", select),
+            make("div", { className: "field" }, ...fields.map(({ row }) => row))),
         /** @param {RobotEngine} engine */
         show(engine) {
             if (of !== engine) [of, body] = [engine, platformOf(state, engine)];
-            choose(select, engine.given.bodies.map((name, i) => [String(i), name]), String(body));
+            choose(select, state.document.scene.joints.map((_, i) => [String(i), engine.body(i)]), String(body));
             for (const { kind, box, row } of fields) {
                 const value = engine.changes[kind].get(body) ?? (kind === "mass" ? engine.original[10 * body] : 0);
                 row.classList.toggle("changed", engine.changes[kind].has(body));

@@ -5,6 +5,7 @@ import { Cameras, DIRECTIONS } from "./cameras.js";
 import { Contents } from "./contents.js";
 import * as drag from "./drag.js";
 import { Eye } from "./eye.js";
+import * as hover from "./hover.js";
 import { sceneOf } from "./instant.js";
 import * as joint_drag from "./joint_drag.js";
 import { mountOverlay } from "./overlay.js";
@@ -73,6 +74,7 @@ export class Stage {
         element.prepend(canvas);
         drag.mount(canvas, this);
         joint_drag.mount(canvas, this);
+        hover.mount(element, canvas, this);
         this.controls = this._controls();
         this.style = this._style();
         new ResizeObserver(() => this.resize()).observe(element);

@@ -7,7 +7,7 @@ export type Placement = number[]; // x y z qx qy qz qw
 export type Kind = "revolute" | "prismatic" | "continuous" | "helical" | "spherical" | "translation" | "planar"
     | "free" | "universal" | "fixed" | "placed";
 export interface Joint {
-    name: string; parent: number; placement: Placement; kind: Kind;
+    name: string; body?: string; parent: number; placement: Placement; kind: Kind;
     axis?: number[]; axis2?: number[]; pitch?: number; q?: [number, number];
 }
 export type Shape =
@@ -69,7 +69,7 @@ export interface Document {
 /** What a page needs to move a robot by itself. */
 export interface LoopEngine {
     kind: "loop"; module: Table; nq: number; nv: number;
-    v: [number, number][]; bodies: string[]; motors: number[]; effort: (number | null)[]; limits: [number | null, number | null][]; rows: number[]; rank: number | null;
+    v: [number, number][]; motors: number[]; effort: (number | null)[]; limits: [number | null, number | null][]; rows: number[]; rank: number | null;
     entries: Table; mass: Table; gravity: number[]; inertias: Table;
     external: { frame: string; joint: number; point: number[]; wrench: number[] }[];
     check: { q: Table; v: Table; tau: Table; a: Table; forces: Table };

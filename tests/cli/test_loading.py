@@ -28,7 +28,7 @@ CALLS = {  # the most modules of ours that are loaded, and passed by a second ca
     "p3dof loop simulate R --duration .1 --samples 9 --figure F.png": (115, 62),
     "p3dof loop codegen R --out C": (99, 53),
     "p3dof loop export R --out R.xml": (99, 26),
-    "p3dof loop show R --out R.html": (132, 46),
+    "p3dof loop show R --out R.html": (132, 57),
     "p3dof forces --samples 11": (168, 65),
     "p3dof compare --samples 11 --no-plot --out O": (170, 71),
 }

@@ -90,7 +90,7 @@ def test_loop_show_answers_after_a_flood_and_takes_no_more_memory():
         document, address = document_of(url), urllib.parse.urlsplit(url)
         question = json.dumps(asked(document)).encode()
         first = answered(url, document)
-        assert "refused" not in first
+        assert first["refused"] == "nobody answers: the page computes by itself"
         own = psutil.Process(process.pid)
         before = own.memory_info().rss
         storm(address.port, f"/page?{address.query}", rng)
@@ -101,8 +101,7 @@ def test_loop_show_answers_after_a_flood_and_takes_no_more_memory():
             ):  # what sends too much is closed, with a reason
                 answered(url, document, some)
         again = answered(url, document)
-        np.testing.assert_array_equal(again["q"], first["q"])
-        assert again["values"] == first["values"]
+        assert again == first
         with urllib.request.urlopen(url, timeout=60) as answer:  # noqa: S310 - http
             assert answer.status == 200
         assert own.memory_info().rss < before + ROOM

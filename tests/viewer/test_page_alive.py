@@ -448,6 +448,46 @@ def test_a_page_goes_on_when_its_python_is_gone(browser):
         check_forces(robot, moves, RobotAnswers(robot, robot.assemble().q))
 
 
+def test_links_and_joints_are_named_under_the_pointer(alone):
+    robot = gallery("five_bar")
+    with alone(robot_document(robot), 1000, 700) as watched:
+        grips = """() => {
+            const { stage, document: { scene } } = p3dof.state;
+            for (let x = 20; x < stage.width; x += 6) for (let y = 60; y < stage.height; y += 6) {
+                const grip = stage.gripAt(x, y);
+                if (grip) return [scene.joints[grip.place].name, x, y];
+            }
+        }"""
+        joint, x, y = watched.page.evaluate(grips)
+        model = robot.model
+        (body,) = [
+            frame.name
+            for frame in model.frames
+            if frame.type == pin.FrameType.BODY and model.names[frame.parentJoint] == joint
+        ][:1]
+        watched.page.mouse.move(x, y)
+        watched.wait("!document.querySelector('.named').hidden")
+        assert watched.page.inner_text(".named") == f"{body} · joint {joint} (revolute)"
+        watched.page.mouse.move(3, 690)
+        watched.wait("document.querySelector('.named').hidden")
+        watched.healthy()
+
+
+def test_a_long_legend_stands_in_two_columns(alone):
+    robot = gallery("biped")
+    q = robot.assemble().q
+    forces = np.ones((2, len(robot.actuated)))
+    motion = JointMotion([0.0, 1.0], np.stack([q, q]), robot.actuated, forces)
+    with alone(robot_document(robot, None, motion), 1400, 860) as watched:
+        rows = watched.page.locator(".chart").first.locator(".legend .row:not(.head)")
+        assert rows.count() == len(robot.actuated)
+        boxes = [rows.nth(i).bounding_box() for i in range(rows.count())]
+        assert len({round(box["x"]) for box in boxes}) == 2
+        side = watched.page.locator(".chart .side").first.bounding_box()
+        assert boxes[7]["y"] + boxes[7]["height"] <= side["y"] + side["height"] + 1  # all others by the wheel
+        watched.healthy()
+
+
 def test_what_a_page_cannot_move_is_said(alone):
     robot, q = closure_robots.universal_loop()  # with a composite joint
     document = robot_document(robot, None, JointMotion([0.0], q[None]))

@@ -26,7 +26,7 @@ from p3dof.viewer.document.motion import MOST_SAMPLES, JointMotion, Run
 from p3dof.viewer.document.robot_engine import engine_of
 from p3dof.viewer.document.runs import MULTIPLIERS, robot_run
 from p3dof.viewer.document.solids import BUDGET, robot_solids, room_of
-from p3dof.viewer.document.trees import closures_of, tree_of
+from p3dof.viewer.document.trees import bodies_of, closures_of, tree_of
 
 FORMAT = 1
 """Of the documents that are written; a page refuses a newer one."""
@@ -77,7 +77,9 @@ def as_scene(
         "centre": ((low + high) / 2).tolist(),
         "radius": max(float(np.linalg.norm(high - low)) / 2, 1e-6),
         "floor": float(low[2]),
-        "joints": tree_of(model),
+        "joints": [
+            joint | {"body": body} for joint, body in zip(tree_of(model), bodies_of(model), strict=True)
+        ],
         "solids": solids,
         "labels": list(labels),
         "lines": [],

@@ -57,7 +57,6 @@ def engine_of(
         "nq": model.nq,
         "nv": model.nv,
         "v": [[int(model.idx_vs[i]), int(model.nvs[i])] for i in range(1, model.njoints)],
-        "bodies": [_body(model, i) for i in range(1, model.njoints)],
         "motors": [int(model.getJointId(name)) - 1 for name in loop.actuated],
         "effort": [x if 0 < x < _UNLIMITED else None for x in effort],
         "limits": [_limits(model, i) for i in range(1, model.njoints)],
@@ -70,16 +69,6 @@ def engine_of(
         "external": [_wrench(model, name, wrench) for name, wrench in (external or {}).items()],
         "check": _samples(loop, q),
     }
-
-
-def _body(model: pin.Model, joint: int) -> str:
-    """Return the name of the link that a joint moves; the joint's where there is none."""
-    names = [
-        frame.name
-        for frame in model.frames
-        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY
-    ]
-    return str(names[0] if names else model.names[joint])
 
 
 def _limits(model: pin.Model, joint: int) -> list[float | None]:

@@ -50,6 +50,15 @@ def tree_of(model: pin.Model) -> list[dict[str, Any]]:
     return [_joint(model, i) for i in range(1, model.njoints)]
 
 
+def bodies_of(model: pin.Model) -> list[str]:
+    """Return the names of the links that the joints move; of a joint without one its own."""
+    found: dict[int, str] = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            found.setdefault(int(frame.parentJoint), str(frame.name))
+    return [found.get(i, str(model.names[i])) for i in range(1, model.njoints)]
+
+
 def _joint(model: pin.Model, i: int) -> dict[str, Any]:
     kind = _KINDS.get(str(model.joints[i].shortname()), "placed")
     found: dict[str, Any] = {
