@@ -247,10 +247,10 @@ def bound(target: TargetLike, kinematics: LoopKinematics, actuated: Sequence[int
     return JointTarget(kinematics, actuated, cast("ArrayLike", target))
 
 
-def named_joints(model: pin.Model, names: Iterable[str]) -> list[int]:
+def named_joints(model: pin.Model, names: Iterable[str], what: str = "target") -> list[int]:
     """Return the ids of joints with one degree of freedom that a target names."""
     try:
-        return [single_joint(model, name, "target") for name in names]
+        return [single_joint(model, name, what) for name in names]
     except ModelError as error:
         raise InputError(str(error)) from error
 

@@ -175,10 +175,13 @@ def single_joint(model: pin.Model, name: str, what: str) -> int:
 
 
 def configuration_of(
-    model: pin.Model, values: Mapping[str, Any] | None, what: str = "reference"
+    model: pin.Model,
+    values: Mapping[str, Any] | None,
+    what: str = "reference",
+    others: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the configuration in which some joints have given values; (nq,)."""
-    q = np.array(pin.neutral(model), dtype=float)
+    """Return the configuration in which some joints have given values, others neutral or as given; (nq,)."""
+    q = np.array(pin.neutral(model) if others is None else others, dtype=float)
     for name, value in (values or {}).items():
         index = joint_named(model, name, what)
         numbers, size = np.atleast_1d(np.asarray(value, dtype=float)), int(model.nqs[index])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -17,12 +18,13 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Self
 
-from p3dof._base.checks import FloatArray, frozen_array
+from p3dof._base.checks import FloatArray, frozen_array, require
+from p3dof._base.errors import AssemblyError
 from p3dof.loops import derivatives, minimal, regressor
-from p3dof.loops.assembly import TOLERANCE, Assembly, Limits, State, TargetLike
+from p3dof.loops.assembly import TOLERANCE, Assembly, Limits, State, TargetLike, named_joints
 from p3dof.loops.batch.kinematics import BodyEnergies, energies_of
 from p3dof.loops.closed_tree import ClosedTree, External
-from p3dof.loops.coordinates import joint_named
+from p3dof.loops.coordinates import configuration_of, joint_named, length_coordinates
 from p3dof.loops.hybrid import ByName
 from p3dof.loops.margins import Margins, SingularityMargins
 from p3dof.loops.results import ForwardDynamics, HybridDynamics, InverseDynamics
@@ -228,6 +230,50 @@ class LoopModel:
         """
         kept = {joint_named(self.model, str(name), "reduced") for name in list(joints)}
         return self.lock([str(self.model.names[i]) for i in range(1, self.model.njoints) if i not in kept])
+
+    def around(self, values: Mapping[str, float]) -> Self:
+        """Return the robot with another reference configuration: closed, where some joints have given values.
+
+        Assembly, `regular_configuration`, compiled functions and generated code start there. Other joints
+        follow on the assembly of the reference configuration, or on that of the values where too many are
+        given for any other; these may be rounded, to 0.01.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Values of joints with one degree of freedom [m or rad].
+
+        Raises
+        ------
+        AssemblyError
+            If the loops do not close there.
+        InputError
+            If there is no such joint, or a value is not finite.
+        """
+        require("around", values, Mapping)
+        model, gap, names = self.model, np.inf, [*values]
+        joints = named_joints(model, names, "around")
+        numbers = frozen_array("around", [*values.values()], (len(names),))
+        wanted = dict(zip(names, numbers.tolist(), strict=True))
+        guess = configuration_of(model, wanted, "around", self.reference)
+        try:
+            home = self.assemble().q
+        except AssemblyError:
+            home = guess
+        freedoms = [model.idx_vs[joint] for joint in joints]
+        near = 0.01 * np.where(length_coordinates(model)[1], self.unit_of_length, 1.0)
+        for target, start in ((wanted, home), (wanted, guess), (None, guess)):
+            try:
+                q = self.assemble(target, start).q
+            except AssemblyError as error:
+                gap = min(gap, error.gap)
+                continue
+            if (np.abs(pin.difference(model, guess, q)) <= near)[freedoms].all():
+                places = zip(list(model.names)[1:], list(model.joints)[1:], strict=True)
+                reference = {str(name): q[j.idx_q : j.idx_q + j.nq] for name, j in places}
+                return type(self)(model.copy(), replace(self.sidecar, reference=reference))
+        told = ", ".join(f"{name}={value:.4g}" for name, value in wanted.items())
+        raise AssemblyError(f"around: the loops do not close at {told}: {gap:.3g} m or rad is left", gap)
 
     def closure_error(self, q: ArrayLike) -> FloatArray:
         """Return how far each closure is open, and how far off each coupling is.

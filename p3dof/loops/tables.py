@@ -179,7 +179,7 @@ def doubts(loop: LoopModel, seen: Overview) -> list[str]:
         found.append(
             f"the reference configuration is singular: the closures have rank {rank} there and {seen.rank} "
             "nearby, where what is said here holds. Motions and forces are not determined at the reference; "
-            f"a regular one near it, for 'reference' of the sidecar: {near}"
+            f"a regular one near it, for --around or 'reference' of the sidecar: {near}"
         )
     axial = [closure.name for closure in loop.sidecar.closures if closure.kind in _AXIAL]
     if axial and seen.mobility < max(1, len(loop.actuated)):

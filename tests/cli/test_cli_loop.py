@@ -118,6 +118,43 @@ def test_info_of_a_singular_reference_says_what_holds_beside_it(capsys, tmp_path
     assert named.rank(named.assemble().q) == 2
 
 
+def test_all_commands_start_around_given_values(capsys, tmp_path, five_bar):
+    """What `info` names of a flat linkage makes it regular; assembly and generated C start in closed form."""
+    path, sidecar = tmp_path / "flat.urdf", tmp_path / "flat.yaml"
+    path.write_text(robots.flat_parallelogram(), encoding="utf-8")
+    sidecar.write_text(robots.PARALLELOGRAM_SIDECAR.to_yaml(), encoding="utf-8")
+    named = re.search(
+        r"for --around or 'reference' of the sidecar: (.*)", flat(loop(capsys, "info", path)[1])
+    )
+    code, out, _ = loop(capsys, "info", path, "--around", named[1].strip())
+    assert code == 0
+    assert "singular" not in out
+    values, out = "left_joint=1.9, right_joint=70 deg", tmp_path / "out"
+    expected = robots.five_bar_q(1.9, np.deg2rad(70))
+    assert loop(capsys, "assemble", five_bar, "--around", values, "--out", tmp_path / "q.csv")[0] == 0
+    found = [value[0] for value in columns(tmp_path / "q.csv").values()]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+    given = ("codegen", five_bar, "--around", values, "--out", out)
+    assert loop(capsys, *given)[0] == 0
+    code = (out / "robot_selftest.c").read_text(encoding="utf-8")
+    assert f"--around '{values}'" in code
+    home = re.search(r"home\[1\]\[4\] = \{\s*\{(.*?)\}", code, re.DOTALL)[1]
+    np.testing.assert_allclose([float(x) for x in home.split(",")], expected, rtol=0, atol=1e-12)
+    assert loop(capsys, *given, "--check")[0] == 0
+    assert loop(capsys, *given[:2], *given[4:], "--check")[0] == 1  # elsewhere it is other code
+    given = (five_bar, "--around", "left_joint=1.9,left_elbow=1", "--around", "right_joint=1.2")
+    code, _, err = loop(capsys, "info", *given)
+    assert (code, err.count("\n")) == (1, 1)
+    told = (
+        "p3dof: error: --around: the loops do not close at left_joint=1.9, left_elbow=1, right_joint=1.2: 0."
+    )
+    assert err.startswith(told)
+
+
+def flat(text):
+    return " ".join(text.split())
+
+
 def test_info_doubts_the_axis_of_a_hinge_that_takes_the_mobility(capsys, tmp_path):
     path, sidecar = tmp_path / "bar.urdf", tmp_path / "bar.yaml"
     hinged = Sidecar((Closure("bar_tip", "right_tip", "hinge"),), ("left_joint",))
@@ -454,6 +491,14 @@ def test_runs_that_cannot_be(five_bar):
             "the joint 'left_elbow' is not actuated; did you mean",
         ),
         (("assemble", "FILE", "--set", "left_joint=1 kg"), "--set left_joint: expected an angle"),
+        (("info", "FILE", "--around", "1.9"), "--around: expected JOINT=VALUE, got '1.9'"),
+        (
+            ("forces", "FILE", "--around", "left_jont=1", "--motion", "FILE"),
+            "--around: there is no joint 'left_jont' with one degree of freedom; did you mean 'left_joint'",
+        ),
+        (("info", "FILE", "--around", "left_joint=1,left_joint=2"), "the joint 'left_joint' is set twice"),
+        (("info", "FILE", "--around", "left_joint=5 mm"), "--around left_joint: expected an angle"),
+        (("info", "FILE", "--around", "left_joint=0,5"), "with a decimal point it is 0.5"),
         (("assemble", "FILE", "--set", "left_joint=nan"), "--set left_joint: expected a finite number"),
         (
             ("assemble", "FILE", "--set", "left_joint=1", "--set", "left_joint=1"),

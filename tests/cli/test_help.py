@@ -19,6 +19,7 @@ OPTIONS = r"""
 --animation | flag | Embed the page with the
 --any-size | flag | Accept a machine larger than
 --armature | NUMBER[,B,C] | Armature
+--around | JOINT=VALUE,... | Positions of joints
 --at | float | (Start time of playback|Time of the motion)
 --bake | flag | Make the parameters of the
 --bandwidth | number | Bandwidth of the drives

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
@@ -391,6 +393,58 @@ def test_a_regular_configuration_is_in_metres_whatever_the_size_of_the_robot():
     assert (small.rank(np.zeros(3)), small.generic_rank) == (1, 2)
     assert small.rank(small.regular_configuration) == small.generic_rank
     assert np.abs(small.closure_error(small.regular_configuration)).max() < 1e-15
+
+
+def test_another_reference_is_closed_where_joints_have_given_values():
+    """In closed form; the value of a joint that follows chooses the other assembly of a four-bar."""
+    loop = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    expected = robots.five_bar_q(1.9, 1.2)
+    near = loop.around({"left_joint": 1.9, "right_joint": 1.2})
+    np.testing.assert_allclose(near.reference, expected, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(near.regular_configuration, near.assemble().q)
+    assert loop.sidecar == robots.FIVE_BAR_SIDECAR
+    assert (near.sidecar.closures, near.actuated) == (loop.sidecar.closures, loop.actuated)
+    names = [str(name) for name in list(loop.model.names)[1:]]
+    rounded = dict(zip(names, expected.round(2).tolist(), strict=True))  # more than there are freedoms
+    assert np.abs(loop.around(rounded).reference - expected).max() < 0.01
+    lengths = 0.5, 0.2, 0.45, 0.35
+    four = ClosedLoopModel.from_urdf(robots.four_bar(*lengths), robots.FOUR_BAR_SIDECAR)
+    for side in (1, -1):  # mirrored at the line of the ground
+        q = side * robots.four_bar_q(0.7, *lengths)
+        found = four.around({"rocker_joint": q[2], "crank_joint": q[0]})
+        np.testing.assert_allclose(found.reference, q, rtol=0, atol=1e-12)
+
+
+def test_joints_that_turn_without_end_and_floating_bases_start_anywhere():
+    xml = robots.four_bar(0.5, 0.2, 0.45, 0.35, kind="continuous")
+    q = robots.four_bar_q(0.7, 0.5, 0.2, 0.45, 0.35)
+    sidecar = replace(robots.FOUR_BAR_SIDECAR, reference={"rocker_joint": q[2]})
+    loop = ClosedLoopModel.from_urdf(xml, sidecar, pin.JointModelFreeFlyer())
+    found = loop.around({"crank_joint": 0.7 - 2 * np.pi}).reference[7:].reshape(3, 2)
+    np.testing.assert_allclose(found, np.column_stack((np.cos(q), np.sin(q))), rtol=0, atol=1e-12)
+
+
+def test_a_reference_that_cannot_be_is_refused(five_bar):
+    four = ClosedLoopModel.from_urdf(robots.four_bar(0.5, 0.2, 0.45, 0.35), robots.FOUR_BAR_SIDECAR)
+    for loop, values, words in (
+        (four, {"rocker_joint": 0.0}, r"do not close at rocker_joint=0: 0\.\d+ m or rad is left"),
+        (
+            five_bar,
+            {"left_joint": 1.9, "right_joint": 1.2, "left_elbow": 1.0},
+            "close at left_joint=1.9, right",
+        ),
+    ):
+        with pytest.raises(AssemblyError, match=words) as caught:
+            loop.around(values)
+        assert 0.01 < caught.value.gap < np.inf
+    for values, words in (
+        ({"left_jont": 1.0}, "around: the joint 'left_jont' does not exist; did you mean"),
+        ({"left_joint": np.nan}, "around: "),
+        ({"left_joint": "far"}, "around: "),
+        ([1.0], "around: expected a Mapping, got a list"),
+    ):
+        with pytest.raises(InputError, match=words):
+            five_bar.around(values)
 
 
 # --- failures -----------------------------------------------------------------------------------------------

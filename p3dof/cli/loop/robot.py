@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from p3dof.loops.tables import (
     closures_table,
     doubts,
     facts_table,
+    is_slide,
     joint_values,
     joints_table,
     overview,
@@ -56,6 +58,13 @@ _ROBOT = options(
         type=InputFolder(),
         help="Folder below which an MJCF or SDF may include files, that of model:// too; its own by default.",
     ),
+    click.option(
+        "--around",
+        multiple=True,
+        metavar="JOINT=VALUE,...",
+        help="Positions of joints [m or rad, or with a unit: '30 deg'] at which the loops are closed: the "
+        "reference configuration, from which all else starts.",
+    ),
 )
 
 
@@ -79,6 +88,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
         srdf: Path | None,
         ignore_unknown: bool,
         include_root: Path | None,
+        around: tuple[str, ...],
         **others: Any,
     ) -> Any:
         if reference is not None and reference.lower().endswith(".csv"):
@@ -98,10 +108,25 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
         if sidecar is None and file.suffix == ".urdf" and not robot.constraint_rows and robot.actuated:
             beside = file.with_suffix(".yaml").name
             say(f"{file}: read as an open tree: no sidecar {beside} beside it closes its loops")
-        return command(robot=robot, inputs=inputs, **others)
+        return command(robot=_around(robot, around), inputs=inputs, **others)
 
     found: Callable[..., Any] = _ROBOT(run)
     return found
+
+
+def _around(robot: ClosedLoopModel, texts: tuple[str, ...]) -> ClosedLoopModel:
+    """Return the robot with the reference configuration that ``--around`` says."""
+    if not texts:
+        return robot
+    model, kinds = robot.model, {}
+    for joint in range(1, model.njoints):
+        if model.nvs[joint] == 1:
+            kinds[str(model.names[joint])] = LENGTH if is_slide(robot, joint) else ANGLE
+    each = [part for text in texts for part in re.split(r",(?=[^,]*=)", text)]  # commas before a name
+    refusal = "there is no joint {} with one degree of freedom"
+    values = _entered(each, kinds, "--around", refusal)
+    with in_options({"around: ": "--around: "}):
+        return robot.around(values)
 
 
 def _given(path: Path) -> str:
@@ -165,20 +190,27 @@ def _set(
     robot: ClosedLoopModel, values: tuple[str, ...], into: FloatArray, option: str, unit: int
 ) -> FloatArray:
     """Enter ``joint=value`` of actuated joints into an array."""
-    result, seen = into.copy(), set()
-    for text in values:
+    units = [_QUANTITIES[each[unit]] for each in units_of_actuated(robot)]
+    kinds = dict(zip(robot.actuated, units, strict=True))
+    given = _entered(values, kinds, option, "the joint {} is not actuated")
+    return np.array([given.get(name, old) for name, old in zip(robot.actuated, into, strict=True)])
+
+
+def _entered(
+    texts: Iterable[str], kinds: Mapping[str, Quantity], option: str, refusal: str
+) -> dict[str, float]:
+    """Return the numbers of ``joint=value``, by joint."""
+    result: dict[str, float] = {}
+    for text in texts:
         name, sign, value = text.rpartition("=")
         name = name.strip()
         if not sign:
             raise InputError(f"{option}: expected JOINT=VALUE, got {shown(text)}")
-        if name not in robot.actuated:
-            help_ = suggestion(name, robot.actuated)
-            raise InputError(f"{option}: the joint {shown(name)} is not actuated; {help_}")
-        if name in seen:
+        if name not in kinds:
+            raise InputError(f"{option}: {refusal.format(shown(name))}; {suggestion(name, kinds)}")
+        if name in result:
             raise InputError(f"{option}: the joint {shown(name)} is set twice")
-        seen.add(name)
-        index = robot.actuated.index(name)
-        quantity = _QUANTITIES[units_of_actuated(robot)[index][unit]]
+        quantity = kinds[name]
         try:
             number = quantity.read(value.strip(), f"{option} {name}")
         except ParameterError as error:
@@ -187,7 +219,7 @@ def _set(
             raise InputError(f"{option} {name}: expected a finite number, got {shown(value)}")
         if quantity is ANGLE and abs(number) > 2 * np.pi and not value.strip(" .+-eE0123456789"):
             say(f"{option} {name}: {number:g} rad is more than a turn (degrees? then write '{number:g} deg')")
-        result[index] = number
+        result[name] = number
     return result
 
 
