@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +16,7 @@ from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelEr
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import with_armature
 from p3dof.loops.model import ClosedLoopModel
-from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
+from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
 from p3dof.loops.xml_text import is_text, read_xml, root_of
 
 
@@ -29,7 +30,7 @@ def urdf_of(name: str) -> tuple[str, bool]:
         ) from error
     loaders = robots_loader.ROBOTS
     if name not in loaders:
-        here = [file for ending in _SUFFIXES if Path(file := name + ending).is_file()]
+        here = [file for ending in _SUFFIXES if _is_there(file := name + ending)]
         told = f"did you mean {here[0]!r}?" if here else suggestion(name, loaders)
         raise ModelError(f"{shown(name)} is no file and no robot by name; {told}")
     loader = loaders[name]
@@ -212,18 +213,22 @@ def _path(source: object) -> str | None:
     if not isinstance(path, str) or "<" in path:
         raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
     plain = Path(path).name == path and not path.lower().endswith(_SUFFIXES)
-    return None if plain and not isinstance(source, os.PathLike) and not Path(path).exists() else path
+    return None if plain and not isinstance(source, os.PathLike) and not _is_there(path) else path
+
+
+def _is_there(path: str) -> bool:
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):  # such as a name that is too long for any file
+        return False
 
 
 def _beside(path: str) -> SidecarLike:
     """Return the sidecar beside a file, if there is one."""
-    for ending in (".yaml", ".yml"):
-        beside = Path(path).with_suffix(ending)
-        try:
+    for beside in names_beside(path):
+        with suppress(FileError):
             if "closed_loop:" in read_text(beside):
                 return beside
-        except FileError:
-            continue
     return None
 
 

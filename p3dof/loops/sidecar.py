@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -717,6 +718,13 @@ def sidecar_of(given: SidecarLike) -> Sidecar | None:
     if isinstance(given, str | os.PathLike):
         return Sidecar.from_yaml(given)
     return Sidecar.from_mapping(given)
+
+
+def names_beside(path: str | os.PathLike[str]) -> list[Path]:
+    """Return the paths that the sidecar of a file has, if there is one."""
+    name = Path(path).name.removesuffix(".xacro")
+    stem = name.rpartition(".")[0] or name
+    return [Path(path).with_name(stem + ending) for ending in (".yaml", ".yml")]
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

@@ -319,7 +319,7 @@ SLIPS = {
     "loop info four_bar": "'four_bar' is no file and no robot by name; did you mean 'four_bar.urdf'?",
     "loop info machine.yaml": "machine.yaml: expected URDF, SDF or MJCF, this is not XML; "
     "a sidecar comes second",
-    "loop info alone.urdf": "alone.urdf: read as an open tree: no sidecar alone.yaml beside it",
+    "loop info alone.urdf": "alone.urdf: read as an open tree*beside it (looked for alone.yaml, alone.yml)",
     "loop info four_bar.urdf machine.yaml": "unknown field 'geometry'*; this looks like a machine",
     "loop info four_bar.urdf empty.yaml": "expected a mapping with 'closed_loop'*, got nothing",
     "loop info four_bar.urdf tip.yaml": "the frame 'couplertip' does not exist; did you mean 'coupler_tip'",

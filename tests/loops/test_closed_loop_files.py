@@ -17,7 +17,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from p3dof._base.errors import ModelError, ModelWarning
-from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
+from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar, load_robot
 
 GOOD = """\
 closed_loop: [[coupler_tip, rocker_tip]]
@@ -306,7 +306,8 @@ def test_without_a_sidecar_every_hinge_is_actuated():
     assert len(loop.actuated) == 18  # not the floating joint
     assert loop.mobility(pin.neutral(loop.model)) == 24
     assert loop.closure_jacobian(pin.neutral(loop.model)).shape == (0, 24)
-    loop = ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR), root_joint=pin.JointModelFreeFlyer())
+    with pytest.warns(ModelWarning, match="with 'crank' and 'coupler' its frames coupler_tip and rocker_tip"):
+        loop = ClosedLoopModel.from_urdf(robots.four_bar(*FOUR_BAR), root_joint=pin.JointModelFreeFlyer())
     assert (loop.model.nv, loop.actuated_v.tolist()) == (9, [6, 7, 8])
 
 
@@ -510,13 +511,20 @@ def test_any_text_after_robot_is_one_error(text):
 def test_a_forgotten_sidecar_is_warned_of(tmp_path):
     urdf = (ROOT / "urdf" / "p3dof.urdf").read_text(encoding="utf-8")
     # Text alone: three pairs of ends coincide at home.
-    pairs = "its frames leg_a_tip and platform_a coincide and 2 more such pairs: give them as closures"
+    pairs = (
+        "its frames leg_a_tip and platform_a coincide and 2 more such pairs, and no closures were found in"
+    )
     with pytest.warns(ModelWarning, match=pairs):
         assert ClosedLoopModel.from_urdf(urdf).sidecar.closures == ()
     path = tmp_path / "p3dof.urdf"
     path.write_text(urdf, encoding="utf-8")
-    with pytest.warns(ModelWarning, match="leg_a_tip"):
-        ClosedLoopModel.from_urdf(path)
+    looked = r"closures were found in it or beside it \(looked for p3dof\.yaml, p3dof\.yml\): give a sidecar"
+    for name in ("p3dof.urdf", "p3dof.urdf.xacro", "p3dof.xacro"):
+        path.rename(tmp_path / name)
+        path = tmp_path / name
+        for read in (ClosedLoopModel.from_urdf, load_robot):
+            with pytest.warns(ModelWarning, match=looked):
+                read(path)
     for ending in ("yml", "yaml"):
         (tmp_path / f"p3dof.{ending}").write_text(
             "closed_loop: []\ntype: []\nname_mot: []\n", encoding="utf-8"
@@ -526,6 +534,10 @@ def test_a_forgotten_sidecar_is_warned_of(tmp_path):
     # Somebody who means it says so; warnings are errors here.
     assert ClosedLoopModel.from_urdf(path, closures=()).sidecar.closures == ()
     ClosedLoopModel.from_urdf(path, (tmp_path / "p3dof.yaml").read_text(encoding="utf-8"))
-    # An open chain, a four-bar that is open at the neutral configuration, a shape at the end: no sign.
-    for tree in (robots.four_bar(2.0, 0.2, 0.45, 0.35), chain(20)):
+    # A linkage that is open at the neutral configuration, by its names. An open chain, two arms: no sign.
+    four = robots.four_bar(2.0, 0.2, 0.45, 0.35)
+    with pytest.warns(ModelWarning, match="with 'crank' and 'coupler' its frames coupler_tip and rocker_tip"):
+        ClosedLoopModel.from_urdf(four)
+    arms = four.replace("crank", "arm").replace("coupler", "hand").replace("rocker", "pointer")
+    for tree in (arms, chain(20)):
         ClosedLoopModel.from_urdf(tree)

@@ -1,7 +1,9 @@
 """Robots from other people's files: what is read, what is refused, and that it is the same machine."""
 
+import contextlib
 import dataclasses
 import math
+import pathlib
 import re
 import warnings
 from xml.etree import ElementTree as Xml
@@ -163,14 +165,18 @@ def test_frames_of_onshape_to_robot_close_a_loop_unless_a_sidecar_does():
     hinged = dataclasses.replace(known, closures=(Closure("closing_pin_2", "closing_pin_1", "hinge"),))
     assert load_robot(text, hinged).sidecar.closures == hinged.closures
     alone = text.replace("closing_pin_2", "closed_pin_2")
-    assert load_robot(alone).sidecar.closures == ()
+    with pytest.warns(
+        ModelWarning, match="as an open tree, but it has names such as 'closing_pin_1', and no"
+    ):
+        assert load_robot(alone).sidecar.closures == ()
     one_body = chain(
         "".join(
             robots.link(f"closing_a_{i}") + robots.joint(f"mark_{i}", "lower", f"closing_a_{i}", kind="fixed")
             for i in (1, 2)
         )
     )
-    assert load_robot(one_body).sidecar.closures == ()
+    with pytest.warns(ModelWarning, match="it has names such as 'closing_a_1' and 'closing_a_2', and no"):
+        assert load_robot(one_body).sidecar.closures == ()
 
 
 def test_other_joints_change_nothing_else():
@@ -964,6 +970,36 @@ def test_robots_of_example_robot_data_have_names():
         load_robot("pandas")
 
 
+def test_no_open_robot_of_a_collection_is_taken_for_one_with_loops():
+    """Arms, hands, legged robots: 70 files, of which three are refused for what is wrong in them."""
+    data = pytest.importorskip("example_robot_data").robots_loader.getModelPath("panda_description")
+    read = 0
+    for path in sorted(pathlib.Path(data).rglob("*.urdf")):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            with contextlib.suppress(ModelError):
+                assert load_robot(path).sidecar.closures == ()
+                read += 1
+        assert [str(one.message) for one in told if "open tree" in str(one.message)] == []
+    assert read >= 70
+
+
+GALLERY_ALONE = {"stewart": None, "two_arms": "with 'bar_free' its frames", "gripper": "coincide"}
+
+
+@pytest.mark.parametrize(("name", "words"), GALLERY_ALONE.items())
+def test_a_sidecar_that_is_not_there_is_missed(name, words, tmp_path):
+    """Of a platform whose legs end in shapes nothing is said: they may all be arms."""
+    path = tmp_path / f"{name}.urdf"
+    path.write_text(
+        (ROOT / f"docs/_static/gallery/{name}.urdf").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        load_robot(path)
+    assert [words in str(one.message) for one in told] == ([] if words is None else [True])
+
+
 @pytest.mark.parametrize("source", [3, "", None, b"robot.urdf"])
 def test_what_cannot_be_a_robot_is_refused(source):
     with pytest.raises(ModelError):
@@ -977,6 +1013,22 @@ def differential(kind="revolute"):
     """A tree of two rods and a rotor that turns six times as much as the second rod does in space."""
     xml = chain(ROTOR + GEAR.replace('link="upper"', 'link="lower"'))
     return load_robot(xml.replace('type="revolute"', f'type="{kind}"'))
+
+
+@pytest.mark.parametrize("end", ["", ".urdf", "/a.urdf", "\0", "\0.urdf", "\n.urdf", "/\0"])
+@pytest.mark.parametrize("beginning", ["a", "a" * 5000, "\N{SNOWMAN}" * 100])
+def test_a_name_that_no_file_can_have_is_one_line_of_error(beginning, end):
+    """Too long for the system, in bytes of UTF-8 too, or with characters that end its names."""
+    pytest.importorskip("example_robot_data")
+    for source in (beginning + end, pathlib.Path(beginning + end)):
+        with pytest.raises(ModelError) as caught:
+            load_robot(source)
+        told = str(caught.value)
+        assert told.isprintable()
+        assert len(told) < 1000
+        with pytest.raises(ModelError) as caught:
+            load_robot(robots.five_bar(), source)
+        assert str(caught.value).isprintable() or "\n" in beginning + end
 
 
 def test_a_coupling_of_several_joints_is_what_it_says():

@@ -105,9 +105,6 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
                 on_unknown="ignore" if ignore_unknown else "raise",
                 include_root=include_root,
             )
-        if sidecar is None and file.suffix == ".urdf" and not robot.constraint_rows and robot.actuated:
-            beside = file.with_suffix(".yaml").name
-            say(f"{file}: read as an open tree: no sidecar {beside} beside it closes its loops")
         return command(robot=_around(robot, around), inputs=inputs, **others)
 
     found: Callable[..., Any] = _ROBOT(run)

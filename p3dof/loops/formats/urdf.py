@@ -18,7 +18,6 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
-from pathlib import Path
 from warnings import warn
 from xml.etree import ElementTree as Xml
 
@@ -30,7 +29,7 @@ from p3dof._base.errors import FileError, InputError, ModelError, ModelWarning
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import losses_of, with_armature
 from p3dof.loops.formats.urdf_loops import Declared, closing_pairs, declared, tying_parameters, tying_plugins
-from p3dof.loops.sidecar import Sidecar, SidecarLike, sidecar_of, suggestion
+from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
 from p3dof.loops.trees import NewJoint, with_joints
 from p3dof.loops.xml_text import XmlReader, is_text, read_xml
 
@@ -278,24 +277,47 @@ def with_types(model: pin.Model, joints: Sequence[tuple[str, str]], source: str)
 _TOGETHER = 1e-6  # how near two ends coincide, as a share of the robot's size
 
 _SIDECAR_KEY = "closed_loop:"
+_OF_LOOPS = re.compile(r"closed[_-]?loop|loop[_-]?clos|closing[_-]|cut[_-]?joint", re.IGNORECASE)
+"""What says in a name that a loop is closed there."""
+_OF_LINKAGES = re.compile(
+    r"loops?|closures?|coupler|crank|rocker|(push|con)?rods?|(four|five)bar|linkage|pantograph", re.IGNORECASE
+)
+"""Words in names of a robot's parts that speak of linkages, which are open if two branches have bare ends."""
 
 
 def open_ends(path: str | None, robot: Xml.Element, model: pin.Model) -> str:
     """Say what in a URDF looks like a loop that is left open; the sign in words; empty if there is none.
 
-    That is a sidecar beside the file (``robot.yaml`` beside ``robot.urdf``), or two ends of different
-    branches that coincide in the neutral configuration: links at fixed joints, without shape and children.
+    That is a sidecar beside the file (``robot.yaml`` beside ``robot.urdf``); two bare ends of different
+    branches, which are links at fixed joints without shape and children, that coincide in the neutral
+    configuration; or names, or a body that floats beside other branches, and two such ends anywhere.
     """
-    for ending in (".yaml", ".yml") if path else ():
-        beside = Path(str(path)).with_suffix(ending)
+    looked = [] if path is None else names_beside(path)
+    for beside in looked:
         with suppress(FileError):
             if _SIDECAR_KEY in read_text(beside):
                 return f"{beside} beside it holds loop closures"
-    pairs = _coinciding(model, _bare_ends(robot))
-    if not pairs:
+    together, apart = _pairs(model, _bare_ends(robot))
+    names = [one.get("name", "") for one in robot if one.tag in _PARTS]
+    if together:
+        more = f" and {len(together) - 1} more such pairs" if len(together) > 1 else ""
+        sign = f"its frames {together[0][0]} and {together[0][1]} coincide{more}"
+    elif said := [name for name in names if _OF_LOOPS.search(name)][:2]:
+        sign = f"it has names such as {' and '.join(map(shown, said))}"
+    elif apart and (said := [name for name in names if _speaks(name)] or _floating(robot)):
+        sign = f"with {' and '.join(map(shown, said[:2]))} its frames {' and '.join(apart[0])} carry nothing"
+    else:
         return ""
-    more = f" and {len(pairs) - 1} more such pairs" if len(pairs) > 1 else ""
-    return f"its frames {pairs[0][0]} and {pairs[0][1]} coincide{more}"
+    places = f" or beside it (looked for {', '.join(one.name for one in looked)})" if looked else ""
+    return f"{sign}, and no closures were found in it{places}"
+
+
+def _speaks(name: str) -> bool:
+    return any(_OF_LINKAGES.fullmatch(word) for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name))
+
+
+def _floating(robot: Xml.Element) -> list[str]:
+    return [joint.get("name", "") for joint in robot.iterfind("joint[@type='floating']")]
 
 
 def _bare_ends(robot: Xml.Element) -> list[str]:
@@ -312,20 +334,18 @@ def _bare_ends(robot: Xml.Element) -> list[str]:
     ]
 
 
-def _coinciding(model: pin.Model, names: list[str]) -> list[tuple[str, str]]:
-    """Return pairs of frames on different branches that have the same place in the neutral configuration."""
+def _pairs(model: pin.Model, names: list[str]) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Return pairs of frames on different branches: with one place at neutral, and others."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     place = {name: np.array(data.oMf[model.getFrameId(name)].translation) for name in names}
     joint = {name: model.frames[model.getFrameId(name)].parentJoint for name in names}
     size = max((float(np.abs(frame.translation).max()) for frame in data.oMf), default=0.0)
-    return [
-        (a, b)
-        for a, b in combinations(names, 2)
-        if np.abs(place[a] - place[b]).max() <= _TOGETHER * size
-        and joint[a] not in model.supports[joint[b]]
-        and joint[b] not in model.supports[joint[a]]
-    ]
+    found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = [], []
+    for a, b in combinations(names, 2):
+        if joint[a] not in model.supports[joint[b]] and joint[b] not in model.supports[joint[a]]:
+            found[bool(np.abs(place[a] - place[b]).max() > _TOGETHER * size)].append((a, b))
+    return found
 
 
 def check_options(root_joint: object, on_unknown: object) -> None:
@@ -421,8 +441,7 @@ def _of_a_tree(
         return []
     if sign := open_ends(path, robot, model):
         return [
-            f"the URDF is read as an open tree, but {sign}: give them as closures, or closures=() if it "
-            "is a tree"
+            f"{name}: read as an open tree, but {sign}: give a sidecar, or an empty tuple if it is a tree"
         ]
     free, driven = _free(model, found), _driven(model, found)
     idle = [joint for joint in free if joint not in driven]
