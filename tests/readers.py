@@ -476,7 +476,7 @@ READERS: dict[str, Reader] = {
     "MJCF": Reader("r.xml", "xml", file_of("p3dof_mjcf.xml"), used_robot),
     "SDF": Reader("r.sdf", "xml", sdf_files, used_robot),
     "SRDF": Reader("r.srdf", "xml", encoded(robot_texts.SRDF), used_srdf),
-    "xacro": Reader("r.xacro", "xml", encoded(XACRO), used_robot, takes="nothing"),
+    "xacro": Reader("r.urdf", "xml", encoded(XACRO), used_robot, takes="nothing"),
     "sidecar": _yaml(used_sidecar, OWN, OWN + DATA),
     "any sidecar": _yaml(Sidecar.from_yaml, yaml.safe_dump(FULL)),
     "STL": _mesh("a.stl", "text", ASCII_STL),

@@ -33,6 +33,7 @@ EXTRAS = {
     "tables": ("tables in Parquet", "pyarrow"),
     "xarray": ("results as labelled arrays", "xarray"),
     "usd": ("USD files", "usd-core"),
+    "xacro": ("robots with macros", "xacro"),
     "jax": ("forces as functions of JAX arrays", "jax"),
     "studio": ("Pareto fronts by genetic algorithms", "pymoo"),
     "cluster": ("sweeps on Dask clusters", "dask distributed pyarrow"),

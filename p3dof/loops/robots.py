@@ -17,7 +17,7 @@ from p3dof._base.files import read_text
 from p3dof.loops.coordinates import with_armature
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
-from p3dof.loops.xml_text import is_text, read_xml, root_of
+from p3dof.loops.xml_text import Macros, is_text, read_xml, root_of
 
 
 def urdf_of(name: str) -> tuple[str, bool]:
@@ -56,6 +56,7 @@ def load_robot(
     passive: bool | None = None,
     bushings: Literal["closures"] | None = None,
     include_root: str | os.PathLike[str] | None = None,
+    xacro_args: Mapping[str, object] | None = None,
 ) -> ClosedLoopModel:
     """Return a robot with (or without) closed loops.
 
@@ -99,6 +100,9 @@ def load_robot(
     include_root : path-like, optional
         A folder below which an MJCF or SDF may include files, and in which ``model://`` is looked for; by
         default that of the file.
+    xacro_args : mapping of str to object, optional
+        Values of the arguments of a file that ends in ``.xacro``, whose macros the program xacro expands
+        (extra ``xacro``, or that of ROS). It evaluates expressions that are in the file.
 
     Raises
     ------
@@ -118,12 +122,9 @@ def load_robot(
     """
     if isinstance(source, pin.Model):
         raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")
-    path = _path(source)
-    if path is None and not is_text(source):
-        source, floating = urdf_of(str(source))
-        path = str(source)
-        if floating and root_joint is None:
-            root_joint = pin.JointModelFreeFlyer()
+    source, path, floating = _found(source, xacro_args)
+    if floating and root_joint is None:
+        root_joint = pin.JointModelFreeFlyer()
     root = _root(source)
     given = sidecar if sidecar is not None or path is None else _beside(path)
     state = reference if isinstance(reference, str) else None
@@ -160,6 +161,21 @@ def load_robot(
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
     return _closed(tree, found, path, given)
+
+
+def _found(
+    source: str | os.PathLike[str], xacro_args: Mapping[str, object] | None
+) -> tuple[str | os.PathLike[str], str | None, bool]:
+    """Return what is read, its path, and whether its base floats; the path is None for text."""
+    path, floating = _path(source), False
+    if path is None and not is_text(source):
+        path, floating = urdf_of(str(source))
+        source = path
+    if path is not None and path.lower().endswith(Macros.SUFFIX):
+        source = Macros(path, xacro_args)
+    elif xacro_args:
+        raise InputError("xacro_args: only a file that ends in .xacro has arguments, expected None")
+    return source, path, floating
 
 
 def _refuse(root: str, **given: Any) -> None:

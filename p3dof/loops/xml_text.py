@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree as Xml
 from xml.parsers import expat
 
-from p3dof._base.checks import one_line, shown
-from p3dof._base.errors import FileError, ModelError
-from p3dof._base.files import MAX_BYTES, read_text
+from p3dof._base.checks import one_line, require, shown
+from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
+from p3dof._base.files import MAX_BYTES, called, read_text, reason
 
 MAX_DEPTH = 100  # deepest nesting of XML elements that is read; a URDF needs six
 MAX_ATTRIBUTES = 100  # most of an element: urdfdom's time grows with the square of their number
@@ -26,10 +34,95 @@ def read_xml(source: str | os.PathLike[str], what: str = "URDF") -> tuple[str, s
         return text, f"{what} text"
     if not isinstance(source, str | os.PathLike) or not os.fspath(source):
         raise ModelError(f"{what}: expected XML text or the path of a file, got {shown(source)}")
+    if os.fspath(source).lower().endswith(Macros.SUFFIX):
+        return (source if isinstance(source, Macros) else Macros(source)).expanded
     try:
         return read_text(source), os.fspath(source)
     except (FileError, ValueError) as error:
         raise ModelError(str(error)) from error
+
+
+class Macros(os.PathLike[str]):
+    """The path of a file for xacro, with the values of its arguments."""
+
+    SUFFIX = ".xacro"
+
+    def __init__(self, path: str | os.PathLike[str], arguments: Mapping[str, object] | None = None) -> None:
+        self._path = os.fspath(path)
+        require("xacro_args", arguments or {}, Mapping)
+        self._arguments = {str(name): str(value) for name, value in (arguments or {}).items()}
+        for name, value in self._arguments.items():
+            if not name.isidentifier() or "\0" in value:
+                raise InputError(
+                    f"xacro_args: expected names with values, got {shown(name)} = {shown(value)}"
+                )
+
+    def __fspath__(self) -> str:
+        return self._path
+
+    @cached_property
+    def expanded(self) -> tuple[str, str]:
+        """What xacro makes of the file, and what to call it; the file itself if there are no macros in it."""
+        try:
+            text = read_text(self._path)
+        except FileError as error:
+            raise ModelError(str(error)) from error
+        if not self._arguments and not _MACROS.search(text):
+            return text, self._path
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', os.defpath)}"
+        tool = shutil.which("xacro", path=path)
+        if tool is None:
+            raise MissingExtraError(
+                f"{called(self._path)}: its macros need the program xacro: pip install 'p3dof[xacro]', or "
+                "expand the file where it is: xacro FILE > robot.urdf"
+            )
+        given = (f"{name}:={value}" for name, value in self._arguments.items())
+        name = called(self._path)
+        return _output([tool, str(Path(self._path).absolute()), *given], name), f"{name} (expanded)"
+
+
+_MACROS = re.compile(r"xacro:|\$[({]")
+_SECONDS = 60.0  # most that xacro may take
+
+
+def _output(command: Sequence[str], name: str) -> str:
+    """Return what a program writes, which expands a file of a name."""
+    try:
+        process = subprocess.Popen(  # noqa: S603 - no shell; the arguments are a path and values
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{name}: xacro does not start: {reason(error)}") from error
+    assert process.stdout is not None and process.stderr is not None  # noqa: S101, PT018 - pipes
+    told: deque[bytes] = deque(maxlen=6)  # the last lines of its errors
+    lines = (line[:200] for line in iter(partial(process.stderr.readline, 4096), b""))
+    listener = threading.Thread(target=told.extend, args=(lines,), daemon=True)
+    timer = threading.Timer(_SECONDS, process.kill)
+    with process:
+        listener.start()
+        timer.start()
+        try:
+            data = process.stdout.read(MAX_BYTES + 1)
+            if len(data) <= MAX_BYTES:
+                process.wait()
+        finally:
+            late = not timer.is_alive()
+            timer.cancel()
+            process.kill()
+            listener.join()
+    if late:
+        raise ModelError(f"{name}: xacro took more than {_SECONDS:g} s")
+    if len(data) > MAX_BYTES:
+        raise ModelError(f"{name}: expected at most {MAX_BYTES} bytes from xacro")
+    if process.returncode:
+        words = (
+            one_line(b" ".join(told).decode("utf-8", "replace"), 1300) or f"exit code {process.returncode}"
+        )
+        raise ModelError(f"{name}: xacro cannot expand it: {words}")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{name}: expected UTF-8 text from xacro, got {error.reason}") from error
 
 
 def is_text(source: object) -> bool:

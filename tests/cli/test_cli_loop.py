@@ -155,6 +155,28 @@ def flat(text):
     return " ".join(text.split())
 
 
+def test_arguments_of_macros_reach_the_robot_its_shapes_and_its_code(capsys, tmp_path):
+    pytest.importorskip("xacro")
+    pytest.importorskip("yourdfpy")
+    shape = '<link name="base"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+    text = robots.five_bar().replace('<link name="base"/>', shape)
+    arg = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="size" default="1"/>'
+    text = re.sub("<robot[^>]*>", arg.replace("<robot ", '<robot name="five" '), text, count=1)
+    path = tmp_path / "five.urdf.xacro"
+    path.write_text(text.replace('size="1 1 1"', 'size="$(arg size) 1 1"'), encoding="utf-8")
+    (tmp_path / "five.yaml").write_text(robots.FIVE_BAR_SIDECAR.to_yaml(), encoding="utf-8")
+    sizes = {}
+    for value in ("2", "3"):
+        out = tmp_path / f"{value}.glb"
+        assert loop(capsys, "export", path, "--xacro-arg", f"size:={value}", "--out", out)[0] == 0
+        sizes[value] = out.read_bytes()
+    assert sizes["2"] != sizes["3"]
+    assert loop(capsys, "codegen", path, "--xacro-arg", "size:=2", "--out", tmp_path / "c")[0] == 0
+    assert "--xacro-arg size:=2" in (tmp_path / "c" / "five.c").read_text(encoding="utf-8")
+    code, _, err = loop(capsys, "info", path, "--xacro-arg", "size=2")
+    assert (code, err) == (2, "p3dof: error: --xacro-arg: expected NAME:=VALUE, got 'size=2'\n")
+
+
 def test_info_doubts_the_axis_of_a_hinge_that_takes_the_mobility(capsys, tmp_path):
     path, sidecar = tmp_path / "bar.urdf", tmp_path / "bar.yaml"
     hinged = Sidecar((Closure("bar_tip", "right_tip", "hinge"),), ("left_joint",))

@@ -166,6 +166,7 @@ OPTIONS = r"""
 --worst | number | Worst case
 --wrench | FILE | External load on the platform
 --wrench-out | FILE | File to write the external
+--xacro-arg | NAME:=VALUE | Argument of a .xacro file
 """
 """Every option: its name, the kinds of its values, and how its help begins.
 

@@ -5,6 +5,7 @@ import dataclasses
 import math
 import pathlib
 import re
+import sys
 import warnings
 from xml.etree import ElementTree as Xml
 
@@ -34,7 +35,7 @@ from robot_texts import (
 
 import p3dof
 from p3dof._base.errors import InputError, ModelError, ModelWarning
-from p3dof.loops import Closure, Coupling, Sidecar
+from p3dof.loops import Closure, Coupling, Sidecar, xml_text
 from p3dof.loops.formats import urdf, urdf_loops
 from p3dof.loops.robots import load_robot
 from p3dof.loops.trees import with_joints
@@ -1004,6 +1005,92 @@ def test_a_sidecar_that_is_not_there_is_missed(name, words, tmp_path):
 def test_what_cannot_be_a_robot_is_refused(source):
     with pytest.raises(ModelError):
         load_robot(source)
+
+
+# Macros ----------------------------------------------------------------------------------------------------
+
+MACROS = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="length" default="0.5"/><xacro:property name="L" value="$(arg length)"/>
+<xacro:macro name="arm" params="name on"><link name="${name}"><inertial>
+<origin xyz="${L/2} 0 0"/><mass value="2"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="${name}_joint" type="continuous"><parent link="${on}"/><child link="${name}"/>
+<origin xyz="${L} 0 0"/><axis xyz="0 1 0"/></joint></xacro:macro>
+<link name="base"/><xacro:arm name="upper" on="base"/><xacro:arm name="lower" on="upper"/></robot>"""
+
+
+@pytest.fixture
+def macros(tmp_path):
+    path = tmp_path / "-arm of 'two'.urdf.xacro"
+    path.write_text(MACROS, encoding="utf-8")
+    return path
+
+
+def test_macros_are_expanded_with_their_arguments(macros):
+    pytest.importorskip("xacro")
+    for args, length in ((None, 0.5), ({"length": 0.25}, 0.25)):
+        robot = load_robot(macros, xacro_args=args)
+        assert robot.actuated == ("upper_joint", "lower_joint")
+        for number in (1, 2):
+            assert robot.model.jointPlacements[number].translation.tolist() == [length, 0, 0]
+            assert robot.model.inertias[number].lever.tolist() == [length / 2, 0, 0]
+    sidecar = Sidecar((), ("lower_joint",))
+    macros.with_name("-arm of 'two'.yaml").write_text(sidecar.to_yaml(), encoding="utf-8")
+    assert load_robot(str(macros)).actuated == ("lower_joint",)
+    plain = macros.with_name("plain.xacro")  # needs no program
+    plain.write_text(chain(), encoding="utf-8")
+    assert load_robot(plain).model.nv == load_robot(chain()).model.nv
+
+
+def test_a_damaged_macro_is_one_line_of_error(macros):
+    pytest.importorskip("xacro")
+    for right, wrong, words in (
+        ("${L/2}", "${K/2}", r"\.urdf\.xacro: xacro cannot expand it: .*name 'K' is not defined"),
+        ('<link name="base"/>', "<link/>", r"\.urdf\.xacro \(expanded\), line \d+"),
+        ("</robot>", "", r"\.urdf\.xacro: xacro cannot expand it: "),
+    ):
+        macros.write_text(MACROS.replace(right, wrong), encoding="utf-8")
+        with pytest.raises(ModelError, match=words) as caught:
+            load_robot(macros)
+        assert str(caught.value).isprintable()
+    for args, words in (
+        ({"length of": 1}, "xacro_args: expected names with values, got 'length of'"),
+        ({"a": "\0"}, "xacro_args: expected names with values, got 'a'"),
+        ("a:=1", "xacro_args: expected a Mapping, got 'a:=1'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            load_robot(macros, xacro_args=args)
+    with pytest.raises(InputError, match=r"xacro_args: only a file that ends in \.xacro has arguments"):
+        load_robot(chain(), xacro_args={"a": 1})
+
+
+SCRIPTS = {
+    "import time; time.sleep(60)": r"\.xacro: xacro took more than 0\.2 s",
+    "while True: print('x' * 1000)": r"\.xacro: expected at most 20000000 bytes from xacro",
+    "import sys\nfor _ in range(9999): print('x' * 999, file=sys.stderr)\nsys.exit('last line')": "last line",
+    "import sys; sys.exit(3)": r"\.xacro: xacro cannot expand it: exit code 3",
+    "import sys; sys.stdout.buffer.write(b'<\\xff')": r"\.xacro: expected UTF-8 text from xacro",
+    "import os; os.kill(os.getpid(), 9)": "xacro cannot expand it: exit code -9",
+    "#!": "xacro does not start",
+    None: r"\.xacro: its macros need the program xacro: pip install 'p3dof\[xacro\]', or",
+}
+
+
+@pytest.mark.parametrize(("script", "words"), SCRIPTS.items(), ids=range(len(SCRIPTS)))
+def test_the_program_for_macros_is_held_to_bounds(macros, tmp_path, monkeypatch, script, words):
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    if script is not None:
+        first = "/nowhere/python" if script == "#!" else sys.executable
+        (folder / "xacro").write_text(f"#!{first}\n{script}\n", encoding="utf-8")
+        (folder / "xacro").chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder))
+    monkeypatch.setattr(sys, "executable", str(folder / "python"))
+    if "sleep" in str(script):
+        monkeypatch.setattr(xml_text, "_SECONDS", 0.2)
+    with pytest.raises(p3dof.P3dofError, match=words) as caught:
+        load_robot(macros)
+    assert len(str(caught.value)) < 2000
 
 
 # Couplings of several joints -------------------------------------------------------------------------------

@@ -80,6 +80,7 @@ def _command() -> str:
         "--srdf": file_name(given["srdf"]),
         "--ignore-unknown": given["ignore_unknown"],
         "--include-root": file_name(given["include_root"]),
+        "--xacro-arg": given["xacro_args"],
         "--around": given["around"],
         "--prefix": given["prefix"],
         "--functions": given["functions"],

@@ -8,9 +8,9 @@ import click
 from rich.console import Console
 
 from p3dof._base.files import together, write_atomic
-from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, source
+from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.loop import loop
-from p3dof.cli.loop.robot import with_robot
+from p3dof.cli.loop.robot import drawn_from, with_robot
 from p3dof.cli.output import print_warnings, print_written, progress_bar
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.writers.files import SUFFIX, contents
@@ -89,7 +89,7 @@ def _write_scene(
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
     run = None if motion_file is None else forces_along(robot, source(motion_file), watch=progress_bar)
     console = Console()
-    figure = RobotFigure(robot, str(inputs[0]) if inputs[0] != STREAM else None, package_dirs)
+    figure = RobotFigure(robot, drawn_from(inputs[0]), package_dirs)
     motion = None if run is None else JointMotion(run.time, run.q)
     document = robot_document(robot, figure, motion)
     print_warnings(console, document["runs"][0]["notes"])

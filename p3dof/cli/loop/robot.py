@@ -39,6 +39,7 @@ from p3dof.loops.tables import (
     overview,
     units_of_actuated,
 )
+from p3dof.loops.xml_text import Macros
 
 _ROBOT = options(
     click.argument("file", type=InputFile()),
@@ -59,6 +60,13 @@ _ROBOT = options(
         help="Folder below which an MJCF or SDF may include files, that of model:// too; its own by default.",
     ),
     click.option(
+        "--xacro-arg",
+        "xacro_args",
+        multiple=True,
+        metavar="NAME:=VALUE",
+        help="Argument of a .xacro file, whose macros the program xacro expands.",
+    ),
+    click.option(
         "--around",
         multiple=True,
         metavar="JOINT=VALUE,...",
@@ -72,6 +80,7 @@ _OPTIONS = {
     "on_unknown='ignore'": "--ignore-unknown",
     "include_root=": "--include-root ",
     "include_root:": "--include-root:",
+    "xacro_args:": "--xacro-arg:",
 }
 """What the arguments of `load_robot` are called here."""
 
@@ -88,6 +97,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
         srdf: Path | None,
         ignore_unknown: bool,
         include_root: Path | None,
+        xacro_args: tuple[str, ...],
         around: tuple[str, ...],
         **others: Any,
     ) -> Any:
@@ -104,11 +114,31 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
                 srdf_file=srdf,
                 on_unknown="ignore" if ignore_unknown else "raise",
                 include_root=include_root,
+                xacro_args=_arguments(xacro_args),
             )
         return command(robot=_around(robot, around), inputs=inputs, **others)
 
     found: Callable[..., Any] = _ROBOT(run)
     return found
+
+
+def _arguments(texts: tuple[str, ...]) -> dict[str, str]:
+    """Return the arguments of xacro."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, sign, value = text.partition(":=")
+        if not sign or name in found:
+            wanted = "each name once" if sign else "NAME:=VALUE"
+            raise InputError(f"--xacro-arg: expected {wanted}, got {shown(text)}")
+        found[name] = value
+    return found
+
+
+def drawn_from(path: Path) -> str | Macros | None:
+    """Return what the shapes of a robot are read from; None for a stream, which is gone."""
+    if path.suffix.lower() == Macros.SUFFIX:
+        return Macros(path, _arguments(click.get_current_context().params["xacro_args"]))
+    return None if path == STREAM else str(path)
 
 
 def _around(robot: ClosedLoopModel, texts: tuple[str, ...]) -> ClosedLoopModel:

@@ -12,7 +12,7 @@ from rich.console import Console
 from p3dof._base.errors import InputError
 from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof._base.time_series.wrenches import WrenchHistory
-from p3dof.cli.files import STREAM, InputFile, OutputFile, protect
+from p3dof.cli.files import InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
 from p3dof.cli.kinds import POSITIVE, Whole
 from p3dof.cli.loop import loop
@@ -21,6 +21,7 @@ from p3dof.cli.loop.robot import (
     EXTERNAL,
     METHOD,
     assembled,
+    drawn_from,
     externals,
     force_option,
     forces_of,
@@ -128,7 +129,7 @@ def show(
     moving = None if still or picture else given.default(robot)
     motion, warnings = given.motion(robot) if moving is None else (moving, [])
     _check_moment(motion, view.at)
-    source = str(inputs[0]) if shapes and inputs[0] != STREAM else None  # what came by a stream is gone
+    source = drawn_from(inputs[0]) if shapes else None
     figure = RobotFigure(robot, source, package_dirs)
     print_warnings(Console(), [*warnings, *figure.notes])
 

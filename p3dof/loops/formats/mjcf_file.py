@@ -13,7 +13,7 @@ import numpy as np
 
 from p3dof._base.checks import LARGEST, one_line, shown
 from p3dof._base.errors import MissingExtraError, ModelError, ModelWarning
-from p3dof.loops.xml_text import XmlReader, check_includes, is_text, read_xml
+from p3dof.loops.xml_text import Macros, XmlReader, check_includes, is_text, read_xml
 
 _EXTRA = "MJCF files are compiled by MuJoCo: pip install 'p3dof[mjcf]'"
 
@@ -32,7 +32,8 @@ def compiled(source: str | os.PathLike[str], include_root: str | os.PathLike[str
     _check_numbers(robot, name)
     missing: list[tuple[str, str]] = []
     try:
-        spec = mujoco.MjSpec.from_string(text) if is_text(source) else mujoco.MjSpec.from_file(name)
+        whole = is_text(source) or isinstance(source, Macros)
+        spec = mujoco.MjSpec.from_string(text) if whole else mujoco.MjSpec.from_file(name)
         missing = _without_files(mujoco, spec)
         found = spec.compile()
     except Exception as error:  # ValueError, and what MuJoCo's bindings raise beside it

@@ -117,7 +117,8 @@ class _LinkReader(XmlReader):
             self.fail(f"expected the element <robot>, got <{tag}>")
         if tag.startswith("xacro:"):
             self.fail(
-                f"<{tag:.80}> is a macro: expand the file first, such as with `xacro FILE > robot.urdf`"
+                f"<{tag:.80}> is a macro: name the file robot.urdf.xacro, or expand it first, such as with "
+                "`xacro FILE > robot.urdf`"
             )
         if self.path[1:] == ["link"]:
             self._new(tag, attributes, self.links)
@@ -384,7 +385,7 @@ def read(
     if found.unknown:
         lines.append(f"{name}: not understood, and left out: {one_line(found.unknown, _LONG)}")
     if sidecar is None and not is_tree:
-        lines += _of_a_tree(None if is_text(source) else name, name, robot, model, found)
+        lines += _of_a_tree(None if is_text(source) else os.fspath(source), name, robot, model, found)
     for line in lines:
         warnings.warn(line, ModelWarning, stacklevel=3)
     if sidecar is None:

@@ -183,7 +183,7 @@ class RobotFigure(StickFigure):
             file = file_of(source)
             named = file is not None and file != os.fspath(source)
             dirs = [*package_dirs, *(_collection(file) if named and file else [])]
-            count = self._add_all(source if file is None else file, dirs)
+            count = self._add_all(file if named and file else source, dirs)
         self.usual = {"sticks": not count or bool(self.notes)}
 
     def _add_all(self, source: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]]) -> int:
