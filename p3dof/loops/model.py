@@ -460,8 +460,8 @@ class ClosedLoopModel(LoopModel):
     ) -> list[Path]:
         """Write the robot as URDF and sidecar, MJCF or SDF, with its loops, all files or none; return these.
 
-        Joints keep their names, and the forces of all motions stay the same. `load_robot` reads back all but
-        SDF. Shapes are not written.
+        Joints keep their names, and the forces of all motions stay the same. `load_robot` reads all of them
+        back. Shapes are not written.
 
         Parameters
         ----------

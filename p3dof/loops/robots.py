@@ -117,8 +117,8 @@ def load_robot(
     Notes
     -----
     In an SDF the motors are the joints of one freedom whose effort is not 0 and that follow no other, as in
-    Drake. A file with loops and no effort of 0 does not say which joints are passive; then there are none,
-    unless a sidecar names them.
+    Drake. In a file with loops and no effort of 0 they are those that plug-ins of Gazebo move; then there are
+    none without these, unless a sidecar names them.
     """
     if isinstance(source, pin.Model):
         raise ModelError("robot: expected a file or a name; ClosedLoopModel.from_pinocchio takes a model")

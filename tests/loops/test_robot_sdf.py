@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 import warnings
+from dataclasses import replace
 from xml.etree import ElementTree as Xml
 
 import numpy as np
@@ -18,12 +19,14 @@ from sdf_texts import ALL, BACKWARDS, DRAKES, FOUR_BAR, GEARS, RICH, effort, joi
 
 pytest.importorskip("pydrake", reason="drake is not installed")
 
+from pydrake.geometry import Role
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, ModelInstanceIndex
+from pydrake.systems.framework import DiagramBuilder
 
 from p3dof._base.errors import InputError, ModelError, ModelWarning
-from p3dof.loops import load_robot
+from p3dof.loops import ClosedLoopModel, load_robot
 from p3dof.loops.formats import sdf_file
 from p3dof.loops.formats.sdf_joints import KINDS
 from p3dof.loops.writers.sdf import text
@@ -102,17 +105,51 @@ def same(robot, again, zero, seed=0):
 @pytest.mark.parametrize("name", [*(name for name in MOBILITY if name != "leg"), *OTHERS])
 def test_what_is_written_is_read_again(name, drake):
     robot = load(name) if name in OTHERS else gallery(name)
-    motors = {"closed_loop": [], "type": [], "name_mot": list(robot.actuated)}
     q, zero = robot.assemble().q, {}
     if drake:
-        again = load_robot(
-            text(robot, drake), motors, passive=True, reference=matching(text(robot, drake), robot, q)
-        )
+        again = load_robot(text(robot, drake), passive=True, reference=matching(text(robot, drake), robot, q))
     else:
-        again = load_robot(text(robot), motors, passive=True)
+        again = load_robot(text(robot), passive=True)
         if np.abs(robot.closure_error(pin.neutral(robot.model))).max() > 1e-9:
             zero = angles(robot, q)
     same(robot, again, zero)
+
+
+@pytest.mark.parametrize("drake", [False, True])
+@pytest.mark.parametrize("kind", ["3d", "hinge"])
+def test_a_robot_whose_joints_all_have_motors_has_them_when_it_is_read_again(kind, drake):
+    """In their order, which is not that of the file; Drake itself has them by their efforts."""
+    robot = gallery("four_bar") if kind == "3d" else load_robot(FOUR_BAR)
+    assert [closure.kind for closure in robot.sidecar.closures] == [kind]
+    joints = tuple(reversed([str(name) for name in robot.model.names][1:]))
+    robot = ClosedLoopModel(robot.model, replace(robot.sidecar, actuated=joints))
+    written = text(robot, drake)
+    again = load_robot(written, reference=matching(written, robot, robot.assemble().q) if drake else None)
+    assert again.actuated == joints
+    assert {one.kind for one in again.sidecar.closures} == {"3d" if drake else kind}
+    assert again.mobility(again.assemble().q) == robot.mobility(robot.assemble().q) == 1
+    if drake:
+        plant = Drake(written).plant
+        assert {plant.get_joint_actuator(i).name() for i in plant.GetJointActuatorIndices()} == set(joints)
+
+
+@pytest.mark.parametrize(
+    ("plugin", "actuated"),
+    [
+        ('name="gz::sim::systems::JointPositionController" filename="x"', ("coupler_joint",)),
+        ('name="ignition::gazebo::systems::JointController" filename="x"', ("coupler_joint",)),
+        ('name="mine" filename="libgz-sim-joint-trajectory-controller-system.so"', ("coupler_joint",)),
+        ('name="mine" filename="gz-sim-apply-joint-force-system"', ("coupler_joint",)),
+        ('name="gz::sim::systems::JointStatePublisher" filename="x"', ()),
+    ],
+)
+def test_plugins_that_move_joints_are_motors_where_efforts_do_not_say(plugin, actuated):
+    names = "<joint_name>coupler_joint</joint_name><joint_name>none</joint_name>"
+    words = f"<plugin {plugin}>{names}</plugin></model>"
+    silent = FOUR_BAR.replace("<effort>0</effort>", "").replace("</model>", words)
+    assert load_robot(silent, None if actuated else ()).actuated == actuated
+    said = FOUR_BAR.replace("</model>", words)  # by efforts
+    assert load_robot(said).actuated == ("crank_joint",)
 
 
 def matching(written, robot, q):
@@ -291,7 +328,9 @@ def test_joints_with_motors_are_in_the_tree_whatever_their_order():
     assert "crank_joint" in robot.model.names
     same(load_robot(FOUR_BAR), robot, {})
     silent = last.replace(effort(0), effort(8))
-    with pytest.warns(ModelWarning, match="no <effort> of 0, so that it does not say") as told:
+    with pytest.warns(
+        ModelWarning, match="and no plug-in that moves joints, so that it does not say"
+    ) as told:
         assert load_robot(silent).actuated == ()
     assert told[0].filename == __file__
     robot = load_robot(silent, {"closed_loop": [], "type": [], "name_mot": ["crank_joint"]})
@@ -829,12 +868,85 @@ def test_a_moment_may_be_negative_by_rounding_alone():
         load_robot(written)
 
 
-def test_that_shapes_are_not_read_is_told():
+VISUALS = {
+    "base": "<box><size>0.1 0.2 0.3</size></box>",
+    "arm": "<cylinder><radius>0.1</radius><length>0.4</length></cylinder>",
+    "slider": "<sphere><radius>0.2</radius></sphere>",
+    "palm": "<capsule><radius>0.1</radius><length>0.3</length></capsule>",
+    "finger": "<ellipsoid><radii>0.1 0.2 0.3</radii></ellipsoid>",
+}
+PLACES = (
+    pose("0.1 0.2 0.3 0.4 0.5 0.6"),
+    pose("0.1 -0.2 0.3 10 20 30", "corner", ' degrees="true"'),
+    pose("0.3 0.1 0.2 0.1 0.7 -0.1 0.7", "arm", ' rotation_format="quat_xyzw"'),
+    pose("0 0.1 0 0.2 0 0", "grip"),
+    "",
+)
+RED = "<material><ambient>0 0 1</ambient><diffuse>1 0.5 0.25 0.75</diffuse></material>"
+
+
+def with_visuals():
+    text = RICH
+    for (name, shape), place in zip(VISUALS.items(), PLACES, strict=True):
+        visual = f'<visual name="seen">{place}<geometry>{shape}</geometry>{RED}</visual>'
+        text = text.replace(f'<link name="{name}">', f'<link name="{name}">{visual}')
+    return text
+
+
+def test_shapes_are_where_drake_has_them():
+    builder = DiagramBuilder()
+    plant, scene = AddMultibodyPlantSceneGraph(builder, 0.0)
+    Parser(plant).AddModelsFromString(with_visuals(), "sdf")
+    plant.Finalize()
+    inspector, theirs = scene.model_inspector(), {}
+    for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        theirs[body.name()] = (
+            inspector.GetPoseInFrame(geometry).GetAsMatrix4(),
+            inspector.GetShape(geometry),
+            inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse"),
+        )
+    model = load_robot(with_visuals()).model
+    found, left_out = visuals_of(model, with_visuals())
+    assert left_out == []
+    assert len(found) == len(theirs) == len(VISUALS)
+    names = [*VISUALS][:3] + [f"hand::{name}" for name in ("palm", "finger")]
+    for name, visual in zip(names, found, strict=True):
+        place, shape, colour = theirs[name.rpartition("::")[2]]
+        frame = model.frames[model.getFrameId(name)]
+        assert visual.joint == frame.parentJoint
+        own = frame.placement.actInv(visual.placement).homogeneous
+        np.testing.assert_allclose(own, place, rtol=0, atol=1e-14)
+        sizes = {
+            "box": lambda s: s.size(),
+            "sphere": lambda s: [s.radius()],
+            "ellipsoid": lambda s: [s.a(), s.b(), s.c()],
+        }.get(visual.kind, lambda s: [s.radius(), s.length()])
+        assert type(shape).__name__.lower() == visual.kind
+        assert visual.size == tuple(sizes(shape))
+        assert visual.colour == tuple(colour.rgba)
+
+
+def test_shapes_that_are_not_drawn_are_told():
     model = load_robot(ARM).model
     assert visuals_of(model, ARM) == ([], [])
-    shaped = ARM.replace("<inertial>", '<visual name="v"/><inertial>', 1)
-    assert visuals_of(model, shaped) == ([], ["the shapes of an SDF are not read"])
     assert sum(inertia.mass for inertia in model.inertias) == 1.3  # the base is fixed
+    for shape, words in (
+        ("", "a shape that is not drawn: none"),
+        ("<geometry><plane/></geometry>", "<visual name='v'>: a shape that is not drawn: plane"),
+        ("<geometry><box/></geometry>", "<box>: the element <size> is missing"),
+        ("<geometry><box><size>1 1</size></box></geometry>", "<size>: expected 3 finite numbers, got '1 1'"),
+        ("<geometry><mesh><uri>a.stl</uri><submesh/></mesh></geometry>", "parts of a mesh are not drawn"),
+        (
+            f"<geometry><sphere><radius>1</radius></sphere></geometry>{RED.replace('0.75', 'x')}",
+            "<diffuse>: expected 4 finite numbers, got '1 0.5 0.25 x'",
+        ),
+    ):
+        text = ARM.replace("<inertial>", f'<visual name="v">{shape}</visual><inertial>', 1)
+        found, (told,) = visuals_of(model, text)
+        assert (found, words in told) == ([], True), told
+    nothing = "<visual name='v'><geometry><empty/></geometry></visual><inertial>"
+    assert visuals_of(model, ARM.replace("<inertial>", nothing, 1)) == ([], [])
 
 
 def test_no_joint_of_a_damaged_file_is_lost_in_silence():

@@ -21,6 +21,7 @@ pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 import trimesh
 from browser import chromium, opened
+from documents import ROOT
 
 from p3dof.viewer import JointMotion
 from p3dof.viewer.document import meshes
@@ -321,6 +322,53 @@ def test_primitive_shapes_of_an_mjcf():
     np.testing.assert_allclose(capsule.placement.translation, [0, 0, -0.2], atol=1e-12)
     assert (capsule.geometry.radius, 2 * capsule.geometry.halfLength) == (0.03, 0.4)
     np.testing.assert_allclose(ellipsoid.geometry.radii, [0.1, 0.2, 0.3])
+
+
+def test_shapes_of_an_sdf_are_those_of_the_urdf():
+    """Of the machine, which is written as both: all of its solids, with their places and colours at home."""
+    drawn = []
+    for ending in ("urdf", "sdf"):
+        loop = p3dof.load_robot(ROOT / f"urdf/p3dof.{ending}")
+        figure = RobotFigure(loop, ROOT / f"urdf/p3dof.{ending}")
+        assert (figure.notes, figure.usual) == ((), {"sticks": False})
+        data = loop.model.createData()
+        pin.forwardKinematics(loop.model, data, loop.assemble().q)
+        rows = []
+        for solid in named(figure):
+            place = (data.oMi[solid.parentJoint] * solid.placement).homogeneous
+            solid.geometry.computeLocalAABB()
+            rows.append([*place[:3].ravel(), solid.geometry.aabb_radius, *solid.meshColor])
+        drawn.append(np.array(rows))
+    assert len(drawn[0]) > 20
+    near = np.abs(drawn[0][:, None] - drawn[1][None]).max(axis=2)
+    assert near.min(axis=0).max() < 1e-9
+    assert near.min(axis=1).max() < 1e-9
+
+
+def test_meshes_of_an_sdf_are_found_by_their_model_and_beside_included_files(folder):
+    mesh = "<visual name='v'><geometry><mesh><uri>{}</uri><scale>1 2 3</scale></mesh></geometry></visual>"
+    one, other = (mesh.format(uri) for uri in ("model://four/bar.stl", "bar.stl"))
+    link = "<sdf version='1.9'><model name='{0}'><link name='{0}'>{1}</link>{2}</model></sdf>"
+    (folder / "four/model.sdf").write_text(link.format("inner", other, ""), encoding="utf-8")
+    include = "<include><uri>four</uri></include>"
+    (folder / "outer.sdf").write_text(link.format("outer", one, include), encoding="utf-8")
+    loop = p3dof.load_robot(folder / "outer.sdf")
+    figure = RobotFigure(loop, folder / "outer.sdf")
+    assert figure.notes == ()
+    assert len(named(figure)) == 2
+    for solid in named(figure):
+        np.testing.assert_array_equal(2 * solid.geometry.halfSide, [1, 2, 3])
+    (folder / "below").mkdir()
+    below = folder / "below/outer.sdf"
+    below.write_text(link.format("outer", one, include.replace("four", "../four")), encoding="utf-8")
+    loop = p3dof.load_robot(below, include_root=folder)
+    assert len(named(RobotFigure(loop, below, [folder]))) == 2
+    (note,) = RobotFigure(loop, below).notes
+    assert "is no file below the folder" in note
+    outside = link.format("outer", mesh.format("../secret.stl"), "")
+    below.write_text(outside, encoding="utf-8")
+    (note,) = RobotFigure(p3dof.load_robot(below), below).notes
+    assert note == "1 shape is not shown: ../secret.stl: outside of the folders given"
 
 
 def test_a_mesh_is_seen_in_the_page_and_can_be_hidden(folder):

@@ -10,7 +10,7 @@ from rich.console import Console
 from p3dof._base.files import together, write_atomic
 from p3dof.cli.files import InputFile, OutputFile, protect, source
 from p3dof.cli.loop import loop
-from p3dof.cli.loop.robot import drawn_from, with_robot
+from p3dof.cli.loop.robot import figure_of, with_robot
 from p3dof.cli.output import print_warnings, print_written, progress_bar
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.writers.files import SUFFIX, contents
@@ -82,14 +82,13 @@ def _write_scene(
     """Write a robot as glTF, moving if there is a motion."""
     from p3dof.runs.forces_along import forces_along
     from p3dof.viewer.document.document import robot_document
-    from p3dof.viewer.document.figure import RobotFigure
     from p3dof.viewer.document.glb import save_glb
     from p3dof.viewer.document.motion import JointMotion
 
     protect([*inputs, *([] if motion_file is None else [motion_file])], [out])
     run = None if motion_file is None else forces_along(robot, source(motion_file), watch=progress_bar)
     console = Console()
-    figure = RobotFigure(robot, drawn_from(inputs[0]), package_dirs)
+    figure = figure_of(robot, inputs[0], package_dirs)
     motion = None if run is None else JointMotion(run.time, run.q)
     document = robot_document(robot, figure, motion)
     print_warnings(console, document["runs"][0]["notes"])

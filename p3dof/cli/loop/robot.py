@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -40,6 +40,9 @@ from p3dof.loops.tables import (
     units_of_actuated,
 )
 from p3dof.loops.xml_text import Macros
+
+if TYPE_CHECKING:
+    from p3dof.viewer.document.figure import RobotFigure
 
 _ROBOT = options(
     click.argument("file", type=InputFile()),
@@ -134,11 +137,16 @@ def _arguments(texts: tuple[str, ...]) -> dict[str, str]:
     return found
 
 
-def drawn_from(path: Path) -> str | Macros | None:
-    """Return what the shapes of a robot are read from; None for a stream, which is gone."""
-    if path.suffix.lower() == Macros.SUFFIX:
-        return Macros(path, _arguments(click.get_current_context().params["xacro_args"]))
-    return None if path == STREAM else str(path)
+def figure_of(robot: ClosedLoopModel, path: Path | None, package_dirs: Iterable[Path]) -> RobotFigure:
+    """Return a robot with the shapes of a file; rods alone without one, or for a stream, which is gone."""
+    from p3dof.viewer.document.figure import RobotFigure
+
+    given = click.get_current_context().params
+    source = None if path in (None, STREAM) else str(path)
+    if source is not None and source.lower().endswith(Macros.SUFFIX):
+        return RobotFigure(robot, Macros(source, _arguments(given["xacro_args"])), package_dirs)
+    root = given["include_root"]
+    return RobotFigure(robot, source, [*package_dirs, *([] if root is None else [root])])
 
 
 def _around(robot: ClosedLoopModel, texts: tuple[str, ...]) -> ClosedLoopModel:

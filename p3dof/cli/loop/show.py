@@ -21,8 +21,8 @@ from p3dof.cli.loop.robot import (
     EXTERNAL,
     METHOD,
     assembled,
-    drawn_from,
     externals,
+    figure_of,
     force_option,
     forces_of,
     with_robot,
@@ -34,7 +34,6 @@ from p3dof.runs import Integration, simulate_robot
 from p3dof.runs.forces_along import RobotForces, forces_along, through_ranges
 from p3dof.viewer import JointMotion, robot_page, show_robot
 from p3dof.viewer.document.document import slider_ranges
-from p3dof.viewer.document.figure import RobotFigure
 from p3dof.viewer.document.motion import Run
 from p3dof.viewer.headless import MAX_PIXELS, SIZE
 
@@ -129,8 +128,7 @@ def show(
     moving = None if still or picture else given.default(robot)
     motion, warnings = given.motion(robot) if moving is None else (moving, [])
     _check_moment(motion, view.at)
-    source = drawn_from(inputs[0]) if shapes else None
-    figure = RobotFigure(robot, source, package_dirs)
+    figure = figure_of(robot, inputs[0] if shapes else None, package_dirs)
     print_warnings(Console(), [*warnings, *figure.notes])
 
     if view.meshcat:

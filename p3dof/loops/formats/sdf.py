@@ -6,7 +6,7 @@ other leads to a second body with half the mass of its child, and both are held 
 lost. A joint that is passed from its child to its parent keeps its value and its sign.
 
 A link that no joint holds in the world floats. Motors are the joints of one freedom whose effort is not 0, as
-in Drake; a file with loops whose efforts are all other than 0 says nothing of motors.
+in Drake; in a file with loops whose efforts are all other than 0, those that plug-ins of Gazebo move.
 
 References
 ----------
@@ -84,8 +84,8 @@ def read(
     motors = tuple(name for name in tree.motors() if name not in tied)
     if not tree.motors_known and closures is None:
         warnings.warn(
-            f"{robot.source}: it has loops and no <effort> of 0, so that it does not say which joints have "
-            "motors: none is taken for one (name them in a sidecar)",
+            f"{robot.source}: it has loops, no <effort> of 0 and no plug-in that moves joints, so that it "
+            "does not say which joints have motors: none is taken for one (name them in a sidecar)",
             ModelWarning,
             stacklevel=3,
         )
@@ -312,7 +312,7 @@ class _Tree:
 
     def motors(self) -> list[str]:
         """Return the joints that have motors, by the file's own words."""
-        return [joint.name for joint in self._graph.edges if self._graph.is_motor(joint)]
+        return self._graph.motors()
 
     # -- What goes with it ---------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
@@ -79,6 +80,11 @@ IDLE: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Elements, likewise, that say nothing of the dynamics and are not read."""
 SEVERAL = ("link", "joint", "frame", "model", "include", "world", "physics", BALL)  # may be there repeatedly
+_MOVING = re.compile(
+    r"(::|^)(ApplyJointForce|Joint(Position|Trajectory)?Controller)$"
+    r"|(apply-joint-force|joint-((position|trajectory)-)?controller)-system"
+)
+"""Names and files of Gazebo's plug-ins that act on joints as motors."""
 _VERSIONS = (1, 4), (1, 12)  # the first and the last that is read
 _UNIT = 1e-3  # how far the length of a quaternion may be from 1
 
@@ -294,6 +300,17 @@ class SdfRobot:
     def all_models(self) -> list[Item]:
         """Return the models, nested ones too."""
         return [item for item in self._items if item.kind == "model"]
+
+    def driven(self) -> list[str]:
+        """Return the full names of joints that plug-ins of Gazebo move, in their order."""
+        found = []
+        for model in self.all_models():
+            assert model.inner is not None  # noqa: S101 - a model
+            for plugin in model.element.findall("plugin"):
+                if _MOVING.search(plugin.get("name", "")) or _MOVING.search(plugin.get("filename", "")):
+                    names = [(one.text or "").strip() for one in plugin.findall("joint_name")]
+                    found += [model.inner.path + name for name in names]
+        return list(dict.fromkeys(found))
 
     def _look(self, file: SdfText, element: Xml.Element, tag: str) -> None:
         """Note what is unknown in an element, and refuse what is there twice."""

@@ -321,7 +321,11 @@ class Graph:
         sets = _Sets(robot)
         closing = [joint for joint in self.edges if not sets.join(joint)]
         efforts = [axis.effort for joint in self.edges for axis in joint.axes]
-        self.motors_known = 0.0 in efforts or not (closing or looped)
+        self._driven = robot.driven()
+        self._by_effort = 0.0 in efforts or not (closing or looped)
+        self.motors_known = self._by_effort or not {joint.name for joint in self.edges}.isdisjoint(
+            self._driven
+        )
         """Whether the file says which joints have motors."""
         self._leaders = {
             axis.mimic[0].rpartition("::")[2] for one in joints for axis in one.axes if axis.mimic
@@ -348,7 +352,15 @@ class Graph:
 
     def is_motor(self, joint: Joint) -> bool:
         """Whether a joint has a motor, by the file's own words."""
-        return self.motors_known and joint.kind in _MOTORS and joint.axes[0].effort != 0
+        moved = joint.kind in _MOTORS and joint.axes[0].effort != 0
+        return moved and (self._by_effort or joint.name in self._driven)
+
+    def motors(self) -> list[str]:
+        """Return the joints that have motors: in the order of plug-ins, then in that of the file."""
+        found = [joint.name for joint in self.edges if self.is_motor(joint)]
+        return sorted(
+            found, key=lambda name: self._driven.index(name) if name in self._driven else len(found)
+        )
 
     def roots(self, held: Collection[Item | None]) -> list[Item]:
         """Return a link of each tree that is not held in the world: one that is no child, if there is one."""

@@ -57,6 +57,8 @@ _POINTS: dict[str, tuple[FloatArray, ...]] = {
     "6d": (np.zeros(3), _X, _Y),
 }
 """Kinds of closure, and the points that coincide in them."""
+_MOTORS = "joint-trajectory-controller", "JointTrajectoryController"
+"""Gazebo's plug-in for motors: a list of joints, on which it does nothing until it is asked to."""
 _MIMIC_VERSION = "1.11"  # of SDF: the first that has mimic joints
 _LINEAR = 2
 
@@ -116,6 +118,15 @@ class _SdfWriter:
                 self._points(model, closure.kind, ends)
             else:
                 self._closure(model, name, closure.kind, ends)
+        if self._loop.actuated:
+            plugin = sub(
+                model,
+                "plugin",
+                filename=f"gz-sim-{_MOTORS[0]}-system",
+                name=f"gz::sim::systems::{_MOTORS[1]}",
+            )
+            for name in self._loop.actuated:
+                sub(plugin, "joint_name", name)
         kind = " For discrete plants of Drake." if self._drake else ""
         gravity = numbers(np.array(self._model.gravity.linear))
         said = f"Gravity is the world's; the robot's is {gravity} m/s²."
@@ -284,7 +295,9 @@ class _SdfWriter:
         parent = "world" if first[0] == 0 else self._site(first)
         element = joint_between(model, name, _CLOSURES[kind], parent, self._site(second))
         if kind in ("hinge", "slider"):
-            sub(sub(element, "axis"), "xyz", numbers(free))
+            axis = sub(element, "axis")
+            sub(axis, "xyz", numbers(free))
+            sub(sub(axis, "limit"), "effort", "0")
         elif kind == "universal":
             self._cross(element, ends, first is not ends[0])
 

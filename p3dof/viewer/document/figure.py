@@ -141,10 +141,11 @@ class RobotFigure(StickFigure):
     loop : ClosedLoopModel
         The robot.
     source : str or path-like, optional
-        What it was read from: the path of its URDF or MJCF, the text, or its name. Without, there are rods
-        only.
+        What it was read from: the path of its URDF, SDF or MJCF, the text, or its name. Without, there are
+        rods only.
     package_dirs : iterable of path-like
-        Folders that hold the packages of ``package://name/...``, or are one of this name.
+        Folders that hold the packages of ``package://name/...``, or are one of this name; of an SDF the
+        models of ``model://name/...``, and files that it includes.
 
     Attributes
     ----------
@@ -190,7 +191,7 @@ class RobotFigure(StickFigure):
         """Add the shapes of a file; return how many."""
         files = MeshFiles(folder_of(source), package_dirs)
         try:
-            visuals, left_out = visuals_of(self.model, source)
+            visuals, left_out = visuals_of(self.model, source, package_dirs)
         except MissingExtraError as error:
             self.notes = (f"rods are drawn: {error}",)
             return 0

@@ -12,9 +12,10 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as Xml
 
 import numpy as np
@@ -22,10 +23,13 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof._base.checks import LARGEST, FloatArray, one_line, shown
-from p3dof._base.errors import FileError, InputError, MissingExtraError, P3dofError
+from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError, P3dofError
 from p3dof._base.files import read_bytes
 from p3dof.loops.formats.mjcf import geoms
 from p3dof.loops.xml_text import XmlReader, is_text, read_xml, root_of
+
+if TYPE_CHECKING:
+    from p3dof.loops.formats.sdf_file import Item, SdfRobot, SdfText
 
 SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".off")
 """The endings of mesh files that are read."""
@@ -224,12 +228,17 @@ class Visual:
     colour: tuple[float, ...] | None = None  # red, green, blue and opacity, from 0 to 1
 
 
-def visuals_of(model: pin.Model, source: str | os.PathLike[str]) -> tuple[list[Visual], list[str]]:
-    """Return the shapes that a robot's file has, and what could not be understood."""
+def visuals_of(
+    model: pin.Model, source: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]] = ()
+) -> tuple[list[Visual], list[str]]:
+    """Return the shapes that a robot's file has, and what could not be understood.
+
+    Included files are below its folder, or one of `folders`.
+    """
     text, name = read_xml(source, "robot")
     root = root_of(text, name)
     if root == "sdf":
-        return [], ["the shapes of an SDF are not read"] if "<visual" in text else []
+        return _of_sdf(model, source, folders)
     found = _of_mjcf(model, source, text) if root == "mujoco" else _of_urdf(model, text, name)
     return found[0][:MAX_SHAPES], found[1]
 
@@ -331,3 +340,102 @@ def _of_mjcf(model: pin.Model, source: str | os.PathLike[str], text: str) -> tup
             size = tuple(float(x) for x in sizes[geom.kind](geom.size))
             found.append(Visual(joint, geom.placement, geom.kind, size, "", tuple(geom.rgba.tolist())))
     return found, ["meshes of an MJCF are not shown"] if "<mesh" in text else []
+
+
+_MEASURES: dict[str, dict[str, int]] = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "ellipsoid": {"radii": 3},
+    "mesh": {"scale": 3},
+}
+"""What says the size of each kind in SDF, and how many numbers that is."""
+
+
+def _of_sdf(
+    model: pin.Model, source: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
+) -> tuple[list[Visual], list[str]]:
+    from p3dof.loops.formats.sdf_file import SdfRobot
+
+    try:
+        robot = SdfRobot(source)
+    except ModelError as error:  # perhaps for a file that is included from elsewhere
+        for folder in folders:
+            with suppress(ModelError):
+                robot = SdfRobot(source, folder)
+                break
+        else:
+            return [], [str(error)]
+    found: list[Visual] = []
+    left_out: list[str] = []
+    for link in robot.links:
+        if model.existFrame(link.full, pin.FrameType.BODY):
+            frame = model.frames[model.getFrameId(link.full, pin.FrameType.BODY)]
+            for visual in link.element.findall("visual")[: MAX_SHAPES - len(found)]:
+                shape = _sdf_shape(robot, link, visual, frame, folder_of(source))
+                if isinstance(shape, Visual):
+                    found.append(shape)
+                elif shape:
+                    left_out.append(shape)
+    return found, left_out
+
+
+def _sdf_shape(
+    robot: SdfRobot, link: Item, visual: Xml.Element, frame: pin.Frame, folder: Path | None
+) -> Visual | str:
+    """Return the shape of a ``<visual>``, or what is wrong with it; an empty text where it is empty."""
+    try:
+        return _checked_shape(robot, link, visual, frame, folder) or ""
+    except ModelError as error:
+        return str(error)
+
+
+def _checked_shape(
+    robot: SdfRobot, link: Item, visual: Xml.Element, frame: pin.Frame, folder: Path | None
+) -> Visual | None:
+    from p3dof.loops.formats.sdf_file import relative_to
+
+    file, pose, geometry = link.file, visual.find("pose"), visual.find("geometry")
+    place = file.placement(pose)
+    if beside := relative_to(file, pose):
+        there = robot.place(link.scope, beside, (file, visual))
+        place = robot.place_of(link).actInv(there) * place
+    parts = [] if geometry is None else list(geometry)
+    if [part.tag for part in parts] == ["empty"]:
+        return None
+    shape = next((part for part in parts if part.tag in _MEASURES), None)
+    if shape is None:
+        file.bad(visual, f"a shape that is not drawn: {', '.join(part.tag for part in parts) or 'none'}")
+    mesh, size = "", list[float]()
+    for tag, count in _MEASURES[shape.tag].items():
+        part = shape.find(tag)
+        if part is None and shape.tag != "mesh":
+            file.bad(visual, f"<{shape.tag}>: the element <{tag}> is missing")
+        size += [1.0] * count if part is None else file.numbers(part, count).tolist()
+    if shape.tag == "mesh":
+        if shape.find("submesh") is not None:
+            file.bad(visual, "<submesh>: parts of a mesh are not drawn")
+        mesh = _uri(file.word(shape, "uri"), Path(file.source).parent, folder)
+    colour = _diffuse(file, visual)
+    return Visual(int(frame.parentJoint), frame.placement * place, shape.tag, tuple(size), mesh, colour)
+
+
+def _uri(uri: str, beside: Path, folder: Path | None) -> str:
+    """Return a mesh's name as `MeshFiles` has it: by its package, or from the folder of the first file."""
+    if uri.startswith("model://"):
+        return f"package://{uri.removeprefix('model://')}"
+    if folder is None or _SCHEME.match(uri) or beside.resolve() == folder.resolve():
+        return uri
+    return os.path.relpath(beside.resolve() / uri, folder.resolve())
+
+
+def _diffuse(file: SdfText, visual: Xml.Element) -> tuple[float, ...] | None:
+    """Return red, green, blue and opacity of a ``<visual>``; None if it says none."""
+    diffuse = visual.find("material/diffuse")
+    if diffuse is None:
+        return None
+    count = len((diffuse.text or "").split())
+    rgba = [*file.numbers(diffuse, 3 if count == 3 else 4).tolist(), 1.0][:4]
+    rgba[3] *= 1.0 - file.number(visual, "transparency", 0.0)
+    return tuple(np.clip(rgba, 0.0, 1.0).tolist())
