@@ -30,7 +30,7 @@ GROUPS ?= 0
 ONLY ?=
 
 .PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
-.PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks
+.PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
@@ -148,6 +148,11 @@ benchmarks: $(DEV) ## time all contenders, subject by subject, which takes long
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py
 	$(BIN)/python tests/benchmarks/robots.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robot_runs.py
+
+# Forty robots in plain files, docs/benchmark: what each engine that is installed reaches, in files and on the page.
+public-benchmark: $(DEV) ## hold every engine that is installed against the public benchmark
+	$(BIN)/python docs/benchmark/run.py --write
+	$(BIN)/python docs/benchmark/tables.py
 
 export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export

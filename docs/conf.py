@@ -65,6 +65,7 @@ searched = {
     "how-to/simulation-and-control": {"": "simulation; controller; PD; computed torque"},
     "how-to/workspace-and-indices": {"": "workspace; dexterity; transmission index; stiffness"},
     "how-to/uncertain-machines": {"": "tolerance; sensitivity; Sobol' indices; Monte Carlo; calibration"},
+    "benchmark/index": {"": "benchmark; reference solutions; overconstrained; redundantly actuated; RBDL"},
     "explanation/singularities": {"": "singularity; singular configuration; assembly mode"},
 }
 
