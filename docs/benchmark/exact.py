@@ -208,16 +208,6 @@ class State:
             moving.append(acceleration)
         return spin, turning, moving
 
-    def _velocity(self, link: int) -> np.ndarray:
-        """Return the velocity of a link's origin."""
-        p, found = self.at[link][1], self.robot.zeros(3)
-        for k in self.robot.above[link]:
-            n = self.axis[k]
-            found = (
-                found + (n if self.robot.joints[k]["slides"] else cross(n, p - self.at[k + 1][1])) * self.v[k]
-            )
-        return found
-
     def forces(self, gravity: np.ndarray) -> np.ndarray:
         """Return the joint forces (n,) of the open tree that its motion needs."""
         robot = self.robot

@@ -18,7 +18,7 @@ import json
 import sys
 import warnings
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -378,7 +378,325 @@ class Drake(Terms):
         return R, p, J[3:], J[:3], spin, bias.translational(), bias.rotational()
 
 
-ENGINES = {"p3dof": P3dof, "pinocchio": Pinocchio, "mujoco": Mujoco, "drake": Drake}
+class Exudyn:
+    """Exudyn: maximal coordinates; its mass matrix, forces, loads and Jacobian of all joints and closures.
+
+    Forces of joints are loads on both bodies; couplings use the rates that are dual to them. Accelerations
+    are found as a difference from those of the state, which fit the closures.
+    """
+
+    module, package = "exudyn", "exudyn"
+
+    def __init__(self, robot: Plain) -> None:
+        self.exu, self.items = (
+            importlib.import_module("exudyn"),
+            importlib.import_module("exudyn.itemInterface"),
+        )
+        self.robot, items = robot, self.items
+        self.container = self.exu.SystemContainer()  # the system lives as long as it does
+        self.system = system = self.container.AddSystem()
+        self.bodies = {"ground": system.AddObject(items.ObjectGround())}
+        self.weights, self.pushes = [], {}
+        home = np.zeros(len(robot.names))
+        self.home = link_motions(robot, home, home, home)
+        for link in self.home:
+            self._add_body(link)
+        for joint in robot.names:
+            self._add_joint(joint)
+        for closure in robot.closures:
+            self._add_closure(closure)
+        system.Assemble()
+        settings = self.exu.SimulationSettings()
+        settings.solution.file.write = False
+        settings.timeIntegration.verboseMode = 0
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+        self.solver = self.exu.MainSolverImplicitSecondOrder()
+        self.solver.InitializeSolver(system, settings)
+
+    def _add_body(self, link: str) -> None:
+        mass, com, inertia = self.robot.inertia(link)
+        about = inertia + mass * (com @ com * np.eye(3) - np.outer(com, com))
+        place = [*self.home[link].position, 1.0, 0.0, 0.0, 0.0]
+        node = self.system.AddNode(self.items.NodeRigidBodyEP(referenceCoordinates=place))
+        moments = about[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+        body = self.items.ObjectRigidBody(mass=mass, inertia=moments, centerOfMass=com, nodeNumber=node)
+        self.bodies[link] = self.system.AddObject(body)
+        marker = self.system.AddMarker(self.items.MarkerBodyMass(bodyNumber=self.bodies[link]))
+        load = self.items.LoadMassProportional(markerNumber=marker, loadVector=self.robot.gravity)
+        self.weights.append(self.system.AddLoad(load))
+
+    def _marker(self, link: str, point: np.ndarray, axis: np.ndarray | None = None) -> Any:
+        """Return a marker on a link, its z axis along a direction."""
+        place = np.eye(4)
+        place[:3, 3] = point
+        if axis is not None:
+            unit = axis / np.linalg.norm(axis)
+            x = across(unit)[0]
+            place[:3, :3] = np.column_stack([x, np.cross(unit, x), unit])
+        return self.system.AddMarker(self.items.MarkerBodyRigid(bodyNumber=self.bodies[link], localHT=place))
+
+    def _hold(self, one: Any, other: Any, axes: list[int]) -> None:
+        self.system.AddObject(self.items.ObjectJointGeneric(markerNumbers=[one, other], constrainedAxes=axes))
+
+    def _add_joint(self, name: str) -> None:
+        joint, axis = self.robot.joints[name], self.robot.axis(name)
+        parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
+        slides = joint.get("type") == "prismatic"
+        start = numbers(joint.find("origin").get("xyz"))
+        ends = self._marker(parent, start, axis), self._marker(child, np.zeros(3), axis)
+        self._hold(*ends, [1, 1, 0, 1, 1, 1] if slides else [1, 1, 1, 1, 1, 0])
+        kind = self.items.LoadForceVector if slides else self.items.LoadTorqueVector
+        self.pushes[name] = [  # along the z axes of both markers
+            (self.system.AddLoad(kind(markerNumber=marker, bodyFixed=True)), np.array([0.0, 0.0, sign]))
+            for marker, sign in zip(ends, (-1.0, 1.0), strict=True)
+        ]
+
+    def _add_closure(self, closure: dict) -> None:
+        kind = closure["kind"]
+        axes = [np.array(closure[f"axis_{k}"]) if kind == "hinge" else None for k in (1, 2)]
+        ends = [
+            self._marker(closure[f"link_{k}"], np.array(closure[f"position_{k}"]), axis)
+            for k, axis in zip((1, 2), axes, strict=True)
+        ]
+        if kind == "distance":
+            rod = self.items.ObjectConnectorDistance(markerNumbers=ends, distance=closure["length"])
+            self.system.AddObject(rod)
+        else:
+            rows = {"point": [1, 1, 1, 0, 0, 0], "hinge": [1, 1, 1, 1, 1, 0], "weld": [1] * 6}
+            self._hold(*ends, rows[kind])
+
+    def _coordinates(self, q, v, a) -> list[np.ndarray]:
+        """Return displacements from home of all bodies' coordinates, their rates and accelerations."""
+        columns: list[list[np.ndarray]] = [[], [], []]
+        for link, now in link_motions(self.robot, q, v, a).items():
+            rate = product([0.0, *now.spin], now.turn) / 2
+            second = (product([0.0, *now.turning], now.turn) + product([0.0, *now.spin], rate)) / 2
+            columns[0] += [now.position - self.home[link].position, now.turn - [1.0, 0.0, 0.0, 0.0]]
+            columns[1] += [now.velocity, rate]
+            columns[2] += [now.acceleration, second]
+        return [np.concatenate(column) for column in columns]
+
+    def _forces(self) -> np.ndarray:
+        self.solver.ComputeODE2RHS(self.system)
+        return self.solver.GetSystemResidual()[: self.size].copy()
+
+    def _terms(self, state: dict):
+        """Return N, M x'' - f, M, and the generalised forces (coordinates, n) of unit joint forces."""
+        x, dx, ddx = self._coordinates(*(values(state[key], self.robot.names) for key in "qva"))
+        self.size, data, solver = len(x), self.system.systemData, self.solver
+        data.SetODE2Coordinates(x)
+        data.SetODE2Coordinates_t(dx)
+        data.SetODE2Coordinates_tt(ddx)
+        solver.ComputeMassMatrix(self.system)
+        M = solver.GetSystemMassMatrix().copy()
+        load = M @ ddx - self._forces()
+        held = solver.GetAEsize()
+        solver.SetSystemJacobian(np.zeros((self.size + held, self.size + held)))
+        solver.ComputeJacobianAE(self.system, 1.0, 0.0, 1.0, False)
+        J = solver.GetSystemJacobian()[self.size :, : self.size].copy()
+        J = J[J.any(axis=1)]
+        B = self._unit_forces()
+        place = self.robot.names.index
+        rows = [B[:, place(c["joint"])] - c["ratio"] * B[:, place(c["of"])] for c in self.robot.couplings]
+        J = np.vstack([J, *rows])
+        N = np.linalg.svd(J)[2][self.size - state["mobility"] :].T
+        return N, load, M, B
+
+    def _unit_forces(self) -> np.ndarray:
+        """Return what unit forces in the joints do, at rest and without weight, where nothing else acts."""
+        system, still = self.system, np.zeros(self.size)
+        system.systemData.SetODE2Coordinates_t(still)
+        for weight in self.weights:
+            system.SetLoadParameter(weight, "loadVector", np.zeros(3))
+        columns = []
+        for name in self.robot.names:
+            for load, direction in self.pushes[name]:
+                system.SetLoadParameter(load, "loadVector", direction)
+            columns.append(self._forces())
+            for load, _ in self.pushes[name]:
+                system.SetLoadParameter(load, "loadVector", np.zeros(3))
+        for weight in self.weights:
+            system.SetLoadParameter(weight, "loadVector", self.robot.gravity)
+        return np.column_stack(columns)
+
+    def inverse(self, state: dict) -> np.ndarray:
+        N, load, _, B = self._terms(state)
+        motors = [self.robot.names.index(name) for name in self.robot.actuated]
+        return shortest(N.T @ B[:, motors], N.T @ load, state["motor_rank"])
+
+    def forward(self, state: dict) -> np.ndarray:
+        N, load, M, B = self._terms(state)
+        motors = [self.robot.names.index(name) for name in self.robot.actuated]
+        push = B[:, motors] @ values(state["forward"]["tau"], self.robot.actuated)
+        z = np.linalg.solve(N.T @ M @ N, N.T @ (push - load))
+        return values(state["a"], self.robot.names) + B.T @ N @ z
+
+
+class Motion(NamedTuple):
+    """How a link stands and moves, in world axes; `turn` is a quaternion (w, x, y, z)."""
+
+    position: np.ndarray
+    turn: np.ndarray
+    velocity: np.ndarray
+    spin: np.ndarray
+    acceleration: np.ndarray
+    turning: np.ndarray
+
+
+def product(one, other) -> np.ndarray:
+    """Return the product of two quaternions."""
+    a, u, b, w = one[0], np.array(one[1:]), other[0], np.array(other[1:])
+    return np.array([a * b - u @ w, *(a * w + b * u + np.cross(u, w))])
+
+
+def turned(turn: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Turn a vector by a unit quaternion."""
+    twice = 2 * np.cross(turn[1:], x)
+    return x + turn[0] * twice + np.cross(turn[1:], twice)
+
+
+def link_motions(robot: Plain, q, v, a) -> dict[str, Motion]:
+    """Return the motions of all links but the ground, in the order of the joints."""
+    zero = np.zeros(3)
+    found = {"ground": Motion(zero, np.array([1.0, 0.0, 0.0, 0.0]), zero, zero, zero, zero)}
+    for k, (name, joint) in enumerate(robot.joints.items()):
+        up = found[joint.find("parent").get("link")]
+        axis, slides = robot.axis(name), joint.get("type") == "prismatic"
+        n = turned(up.turn, axis)
+        r = turned(up.turn, numbers(joint.find("origin").get("xyz")) + (axis * q[k] if slides else 0.0))
+        velocity = up.velocity + np.cross(up.spin, r)
+        acceleration = up.acceleration + np.cross(up.turning, r) + np.cross(up.spin, np.cross(up.spin, r))
+        turn, spin, turning = up.turn, up.spin, up.turning
+        if slides:
+            velocity = velocity + n * v[k]
+            acceleration = acceleration + n * a[k] + 2 * np.cross(up.spin, n) * v[k]
+        else:
+            turn = product(turn, [np.cos(q[k] / 2), *(np.sin(q[k] / 2) * axis)])
+            turning = turning + n * a[k] + np.cross(up.spin, n) * v[k]
+            spin = spin + n * v[k]
+        link = joint.find("child").get("link")
+        found[link] = Motion(up.position + r, turn, velocity, spin, acceleration, turning)
+    del found["ground"]
+    return found
+
+
+class PinocchioSolver:
+    """Pinocchio's own solver: `constraintDynamics`, proximal, with the closures that it has."""
+
+    module, package = "pinocchio", "pin"
+
+    def __init__(self, robot: Plain) -> None:
+        self.tree = Pinocchio(robot)
+        pin, model = self.tree.pin, self.tree.model
+        if robot.couplings or {closure["kind"] for closure in robot.closures} & {"hinge", "distance"}:
+            raise NotImplementedError("no hinges, distances or couplings among its constraints")
+        self.models, self.datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+        for closure in robot.closures:
+            kind = pin.ContactType.CONTACT_3D if closure["kind"] == "point" else pin.ContactType.CONTACT_6D
+            ends = []
+            for k in (1, 2):
+                link = model.frames[model.getFrameId(closure[f"link_{k}"])]
+                ends += [
+                    link.parentJoint,
+                    link.placement * pin.SE3(np.eye(3), np.array(closure[f"position_{k}"])),
+                ]
+            self.models.append(pin.RigidConstraintModel(kind, model, *ends, pin.ReferenceFrame.LOCAL))
+            self.datas.append(self.models[-1].createData())
+        self.settings = pin.ProximalSettings(1e-14, 1e-14, 1e-8, 50)
+        self.data = model.createData()
+        pin.initConstraintDynamics(model, self.data, self.models, self.datas)
+
+    def inverse(self, state: dict) -> np.ndarray:
+        raise NotImplementedError("no inverse dynamics with closures")
+
+    def forward(self, state: dict) -> np.ndarray:
+        tree = self.tree
+        q, v = (tree.vector(state[key]) for key in "qv")
+        tree.set(q, v)
+        tau = np.zeros(tree.model.nv)
+        motors = [tree.place(name) for name in tree.robot.actuated]
+        tau[motors] = values(state["forward"]["tau"], tree.robot.actuated)
+        given = (tree.model, self.data, tree.q, v, tau, self.models, self.datas, self.settings)
+        a = tree.pin.constraintDynamics(*given)
+        return a[[tree.place(name) for name in tree.robot.names]]
+
+
+class MujocoSolver:
+    """MuJoCo's own constraint solver: soft equalities, as stiff as it allows (solimp 0.9999)."""
+
+    module, package = "mujoco", "mujoco"
+
+    def __init__(self, robot: Plain) -> None:
+        self.mujoco = importlib.import_module("mujoco")
+        self.robot = robot
+        root = ElementTree.fromstring(mjcf(robot))  # noqa: S314 - our own
+        ElementTree.SubElement(root, "equality")
+        ElementTree.SubElement(root, "tendon")
+        for number, closure in enumerate(robot.closures):
+            add_equalities(root, number, closure)
+        stiff = {"solimp": "0.9999 0.9999 0.001 0.5 2"}
+        for coupling in robot.couplings:
+            joints = {"joint1": coupling["joint"], "joint2": coupling["of"]}
+            line = {**joints, "polycoef": f"0 {coupling['ratio']!r} 0 0 0", **stiff}
+            ElementTree.SubElement(root.find("equality"), "joint", line)
+        self.model = self.mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+        for number, closure in enumerate(robot.closures):
+            if closure["kind"] == "distance":  # its error counts from the length at home
+                at = self.model.tendon(f"rod_{number}").id
+                self.model.equality(f"rod_{number}").data[0] = (
+                    closure["length"] - self.model.tendon_length0[at]
+                )
+        self.model.opt.tolerance, self.model.opt.iterations = 0.0, 200
+        self.data = self.mujoco.MjData(self.model)
+
+    def inverse(self, state: dict) -> np.ndarray:
+        raise NotImplementedError("no inverse dynamics with closures")
+
+    def forward(self, state: dict) -> np.ndarray:
+        names = self.robot.names
+        at = [int(self.model.joint(name).dofadr[0]) for name in names]
+        self.data.qpos[at], self.data.qvel[at] = (values(state[key], names) for key in "qv")
+        motors = [int(self.model.joint(name).dofadr[0]) for name in self.robot.actuated]
+        self.data.qfrc_applied[motors] = values(state["forward"]["tau"], self.robot.actuated)
+        self.mujoco.mj_forward(self.model, self.data)
+        return self.data.qacc[at].copy()
+
+
+def add_equalities(root: ElementTree.Element, number: int, closure: dict) -> None:
+    """Add a closure to an MJCF: sites on both bodies, tied by equalities or by a tendon of fixed length."""
+    hinge, stiff = closure["kind"] == "hinge", {"solimp": "0.9999 0.9999 0.001 0.5 2"}
+    for end in range(2 if hinge else 1):  # a hinge is two points on its axis
+        names = [f"site_{number}_{end}_{k}" for k in (1, 2)]
+        for k, name in zip((1, 2), names, strict=True):
+            point = np.array(closure[f"position_{k}"])
+            if hinge:
+                point = point + (0.1 * end) * np.array(closure[f"axis_{k}"]) / np.linalg.norm(
+                    closure[f"axis_{k}"]
+                )
+            body = next(body for body in root.iter("body") if body.get("name") == closure[f"link_{k}"])
+            ElementTree.SubElement(body, "site", name=name, pos=written(point))
+        sites = {"site1": names[0], "site2": names[1], **stiff}
+        if closure["kind"] == "distance":
+            cord = ElementTree.SubElement(root.find("tendon"), "spatial", name=f"rod_{number}")
+            for name in names:
+                ElementTree.SubElement(cord, "site", site=name)
+            line = {"name": f"rod_{number}", "tendon1": f"rod_{number}", **stiff}
+            ElementTree.SubElement(root.find("equality"), "tendon", line)
+        else:
+            kind = "weld" if closure["kind"] == "weld" else "connect"
+            ElementTree.SubElement(root.find("equality"), kind, sites)
+
+
+ENGINES = {
+    "p3dof": P3dof,
+    "pinocchio": Pinocchio,
+    "mujoco": Mujoco,
+    "drake": Drake,
+    "exudyn": Exudyn,
+    "pinocchio-solver": PinocchioSolver,
+    "mujoco-solver": MujocoSolver,
+}
+"""What can be measured; the last two are those programs' own constraint solvers."""
 
 
 def installed(name: str) -> str | None:
@@ -429,9 +747,15 @@ def measure(engine: str, name: str) -> list[Row]:
                     raise model
                 found, note = error(getattr(model, what)(state), reference), ""
             except Exception as reason:  # whatever an engine says is noted
-                found, note = np.nan, f"{type(reason).__name__}: {' '.join(str(reason).split())}"[:160]
+                found, note = np.nan, noted(reason)
             rows.append(Row(name, state["name"], engine, version, what, found, note))
     return rows
+
+
+def noted(reason: Exception) -> str:
+    """Return in one line why there is no result."""
+    text = " ".join(str(reason).split())
+    return text if isinstance(reason, NotImplementedError) else f"{type(reason).__name__}: {text}"[:160]
 
 
 def worst(rows: list[Row]) -> str:
@@ -478,9 +802,12 @@ def main() -> None:
             rows += found
             line += f"{worst(found[::2]):>13s}{worst(found[1::2]):>9s}"
         print(line, flush=True)
+    reasons = {(row.engine, row.quantity, row.note): [] for row in rows if row.note}
     for row in rows:
         if row.note:
-            print(f"{row.engine}, {row.robot}, {row.state}, {row.quantity}: {row.note}")
+            reasons[row.engine, row.quantity, row.note].append(row.robot)
+    for (engine, quantity, note), robots in reasons.items():
+        print(f"{engine}, {quantity}: {note} ({', '.join(dict.fromkeys(robots))})")
     if args.write:
         with (HERE / "results.csv").open("w", encoding="utf-8", newline="") as file:
             table = csv.writer(file, lineterminator="\n")

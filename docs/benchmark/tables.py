@@ -20,7 +20,8 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 PAGE, RESULTS = HERE / "index.md", HERE / "results.csv"
 PICTURE = HERE.parent / "_static" / "benchmark.png"
-COLUMNS = 8
+KINDS = ("inverse", "forward")
+COLUMNS, FEW = 6, 13
 SMALL = 0.03  # the mass of bodies between the joints of a floating one [kg]
 
 
@@ -36,28 +37,24 @@ def short(value: float) -> str:
 
 
 def robots_table() -> list[str]:
-    """Return the table of robots; condition numbers are the larger ones of both states."""
-    head = [
-        "robot",
-        "joints",
-        "rows",
-        "rank",
-        "freedoms",
-        "motors",
-        "κ closures",
-        "κ inverse",
-        "κ forward",
-        "kind",
-    ]
-    lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * 8}---|"]
+    """Return the table of robots: files, what each is, what is special about it."""
+    lines = ["| robot | what it is | kind |", "|---|---|---|"]
     for data in robots():
-        name, states = data["name"], data["states"]
+        name, kinds = data["name"], ", ".join(data["kinds"])
         links = f"[{name}](robots/{name}.urdf) ([JSON](robots/{name}.json))"
+        lines.append(f"| {links} | {data['about'].rstrip('.')} | {kinds} |")
+    return lines
+
+
+def numbers_table() -> list[str]:
+    """Return the table of counts and condition numbers, the larger ones of both states."""
+    head = ["robot", "joints", "rows", "rank", "freedoms", "motors", "κ(J)", "κ inverse", "κ forward"]
+    lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * 8}"]
+    for data in robots():
+        states = data["states"]
         counts = [str(states[0][key]) for key in ("joints", "rows", "rank", "mobility")]
-        worst = [
-            short(max(s[f"condition_{key}"] for s in states)) for key in ("closures", "inverse", "forward")
-        ]
-        cells = [links, *counts, str(len(data["actuated"])), *worst, ", ".join(data["kinds"])]
+        largest = [short(max(s[f"condition_{key}"] for s in states)) for key in ("closures", *KINDS)]
+        cells = [data["name"], *counts, str(len(data["actuated"])), *largest]
         lines.append(f"| {' | '.join(cells)} |")
     return lines
 
@@ -76,45 +73,53 @@ def results() -> list[dict[str, str]]:
 
 
 def results_tables() -> list[str]:
-    """Return the table of results, and a list of what was refused."""
-    rows = results()
-    engines = list(dict.fromkeys((row["engine"], row["version"]) for row in rows))
-    lines = [f"| robot | {' | '.join(f'{name} {version}' for name, version in engines)} |"]
-    lines.append(f"|---|{'---|' * len(engines)}")
-    for name in (data["name"] for data in robots()):
-        cells = []
-        for engine, _ in engines:
-            own = [row for row in rows if row["robot"] == name and row["engine"] == engine]
-            cells.append(", ".join(worst([row for row in own if row["quantity"] == kind]) for kind in KINDS))
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    notes = dict.fromkeys(
-        (row["engine"], row["robot"], row["quantity"], row["note"]) for row in rows if row["note"]
-    )
-    lines += ["", "What a program does not compute:", ""]
-    lines += [f"* {engine}, {robot}, {quantity}: {note}" for engine, robot, quantity, note in notes]
+    """Return a table of results for each question, and what has no result and why."""
+    rows, lines = results(), []
+    versions = {row["engine"]: row["version"] for row in rows}
+    for kind in KINDS:
+        asked = [row for row in rows if row["quantity"] == kind]
+        engines = [name for name in versions if any(row["error"] for row in asked if row["engine"] == name)]
+        heads = [f"{name} {versions[name]}" for name in engines]
+        lines += [f"| {kind} dynamics | {' | '.join(heads)} |", f"|---|{'---:|' * len(engines)}"]
+        for name in (data["name"] for data in robots()):
+            own = [[row for row in asked if (row["robot"], row["engine"]) == (name, e)] for e in engines]
+            lines.append(f"| {name} | {' | '.join(map(worst, own))} |")
+        lines.append("")
+    whys: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        if row["note"]:
+            whys.setdefault((row["engine"], row["quantity"], row["note"]), []).append(row["robot"])
+    lines += ["What a program does not compute:", ""]
+    for (engine, quantity, note), names in whys.items():
+        few = list(dict.fromkeys(names))
+        where = ", ".join(few) if len(few) <= FEW else f"{len(few)} robots"
+        lines.append(f"* {engine}, {quantity} dynamics of {where}: {note}")
     return lines
-
-
-KINDS = ("inverse", "forward")
 
 
 def worst(rows: list[dict[str, str]]) -> str:
     """Return the largest error of some rows; a dash where there is none."""
     if any(not row["error"] for row in rows):
         return "–"
-    return f"{max(float(row['error']) for row in rows):.0e}".replace("e-0", "e-")
+    return f"{max(float(row['error']) for row in rows):.0e}".replace("e-0", "e-").replace("0e+00", "0")
 
 
 def page() -> str:
     """Return the page with its tables anew."""
     text = PAGE.read_text(encoding="utf-8")
-    for name, lines in (("robots", robots_table()), ("digits", digits_line()), ("results", results_tables())):
+    parts = {
+        "robots": robots_table(),
+        "numbers": numbers_table(),
+        "digits": digits_line(),
+        "results": results_tables(),
+    }
+    for name, lines in parts.items():
         begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
         before, _, rest = text.partition(begin)
         _, found, after = rest.partition(end)
         if not found:
             sys.exit(f"{PAGE.name}: expected the marks {begin.strip()} and {end.strip()}")
-        text = f"{before}{begin}" + "\n".join(lines) + f"{end}{after}"
+        text = f"{before}{begin}" + "\n".join(["", *lines, ""]) + f"{end}{after}"
     return text
 
 
@@ -125,15 +130,15 @@ def draw() -> None:
 
     everything = robots()
     count = -(-len(everything) // COLUMNS)
-    figure = Figure(figsize=(1.5 * COLUMNS, 1.62 * count), layout="constrained")
+    figure = Figure(figsize=(1.4 * COLUMNS, 1.5 * count), layout="constrained")
     axes = figure.subplots(count, COLUMNS).ravel()
     for axis in axes:
         axis.axis("off")
     for axis, data in zip(axes, everything, strict=False):
         sticks(axis, data)
-        axis.set_title(data["name"].replace("_", " "), fontsize=6.5)
+        axis.set_title(data["name"].replace("_", " "), fontsize=7.5)
     drawn = io.BytesIO()
-    figure.savefig(drawn, dpi=110)
+    figure.savefig(drawn, dpi=120)
     Image.open(drawn).convert("RGB").quantize(24, dither=Image.Dither.NONE).save(PICTURE, optimize=True)
 
 
