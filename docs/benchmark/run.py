@@ -378,6 +378,52 @@ class Drake(Terms):
         return R, p, J[3:], J[:3], spin, bias.translational(), bias.rotational()
 
 
+class Rbdl(Terms):
+    """RBDL: inverse dynamics, mass matrix, Jacobians and accelerations of points of a tree."""
+
+    module, package = "rbdl", "rbdl"
+
+    def __init__(self, robot: Plain) -> None:
+        self.rbdl, self.robot = importlib.import_module("rbdl"), robot
+        self.model, self.ids = self.rbdl.Model(), {"ground": 0}
+        self.model.gravity = robot.gravity
+        for name, joint in robot.joints.items():
+            link, parent = joint.find("child").get("link"), joint.find("parent").get("link")
+            axis, still = robot.axis(name), np.zeros(3)
+            turns = (still, axis) if joint.get("type") == "prismatic" else (axis, still)
+            place = self.rbdl.SpatialTransform()
+            place.r = numbers(joint.find("origin").get("xyz"))
+            moving = self.rbdl.Joint.fromJointAxes(np.concatenate(turns)[None])
+            body = self.rbdl.Body.fromMassComInertia(*robot.inertia(link))
+            self.ids[link] = self.model.AddBody(self.ids[parent], place, moving, body, link)
+
+    def place(self, name: str) -> int:
+        return self.robot.names.index(name)
+
+    def set(self, q: np.ndarray, v: np.ndarray) -> None:
+        self.q, self.v = q, v
+
+    def tree(self, a: np.ndarray) -> np.ndarray:
+        tau = np.zeros_like(self.v)
+        self.rbdl.InverseDynamics(self.model, self.q, self.v, a, tau)
+        return tau
+
+    def mass(self) -> np.ndarray:
+        M = np.zeros((len(self.v), len(self.v)))
+        self.rbdl.CompositeRigidBodyAlgorithm(self.model, self.q, M)
+        return M
+
+    def frame(self, link: str, point: np.ndarray):
+        rbdl, model, number = self.rbdl, self.model, self.ids[link]
+        J, still = np.zeros((6, len(self.v))), np.zeros_like(self.v)
+        p = rbdl.CalcBodyToBaseCoordinates(model, self.q, number, point)
+        R = rbdl.CalcBodyWorldOrientation(model, self.q, number).T
+        rbdl.CalcPointJacobian6D(model, self.q, number, point, J)
+        spin = rbdl.CalcPointVelocity6D(model, self.q, self.v, number, point)[:3]
+        moved = rbdl.CalcPointAcceleration6D(model, self.q, self.v, still, number, point)
+        return R, p, J[3:], J[:3], spin, moved[3:], moved[:3]
+
+
 class Exudyn:
     """Exudyn: maximal coordinates; its mass matrix, forces, loads and Jacobian of all joints and closures.
 
@@ -621,6 +667,54 @@ class PinocchioSolver:
         return a[[tree.place(name) for name in tree.robot.names]]
 
 
+class RbdlSolver:
+    """RBDL's own solver: `ForwardDynamicsConstraintsDirect` and `InverseDynamicsConstraints`."""
+
+    module, package = "rbdl", "rbdl"
+
+    def __init__(self, robot: Plain) -> None:
+        self.tree = tree = Rbdl(robot)
+        if robot.couplings or any(closure["kind"] == "distance" for closure in robot.closures):
+            raise NotImplementedError("no distances or couplings among its constraints")
+        if any(state["rows"] > state["rank"] for state in robot.states):
+            raise NotImplementedError("no redundant rows")
+        self.loops = tree.rbdl.ConstraintSet()
+        for closure in robot.closures:
+            ends = []
+            for k in (1, 2):
+                place = tree.rbdl.SpatialTransform()
+                place.r = np.array(closure[f"position_{k}"])
+                if closure["kind"] == "hinge":
+                    unit = np.array(closure[f"axis_{k}"]) / np.linalg.norm(closure[f"axis_{k}"])
+                    x = across(unit)[0]
+                    place.E = np.column_stack([x, np.cross(unit, x), unit])  # as its loops read it
+                ends.append(place)
+            turns = {"point": [], "hinge": [0, 1], "weld": [0, 1, 2]}[closure["kind"]]
+            for row in [3, 4, 5, *turns]:
+                axis = tree.rbdl.SpatialVector.fromPythonArray(np.eye(6)[row])
+                self.loops.AddLoopConstraint(*(tree.ids[closure[f"link_{k}"]] for k in (1, 2)), *ends, axis)
+        self.loops.Bind(tree.model)
+        self.loops.SetActuationMap(tree.model, np.array([name in robot.actuated for name in robot.names]))
+
+    def inverse(self, state: dict) -> np.ndarray:
+        tree = self.tree
+        q, v, a = (tree.vector(state[key]) for key in "qva")
+        if not tree.rbdl.isConstrainedSystemFullyActuated(tree.model, q, v, self.loops):
+            raise NotImplementedError("not as many independent motors as freedoms")
+        found, tau = np.zeros_like(a), np.zeros_like(a)
+        tree.rbdl.InverseDynamicsConstraints(tree.model, q, v, a, self.loops, found, tau)
+        return tau[[tree.place(name) for name in tree.robot.actuated]]
+
+    def forward(self, state: dict) -> np.ndarray:
+        tree = self.tree
+        q, v = (tree.vector(state[key]) for key in "qv")
+        tau, a = np.zeros_like(v), np.zeros_like(v)
+        motors = [tree.place(name) for name in tree.robot.actuated]
+        tau[motors] = values(state["forward"]["tau"], tree.robot.actuated)
+        tree.rbdl.ForwardDynamicsConstraintsDirect(tree.model, q, v, tau, self.loops, a)
+        return a
+
+
 class MujocoSolver:
     """MuJoCo's own constraint solver: soft equalities, as stiff as it allows (solimp 0.9999)."""
 
@@ -692,15 +786,17 @@ ENGINES = {
     "pinocchio": Pinocchio,
     "mujoco": Mujoco,
     "drake": Drake,
+    "rbdl": Rbdl,
     "exudyn": Exudyn,
     "pinocchio-solver": PinocchioSolver,
+    "rbdl-solver": RbdlSolver,
     "mujoco-solver": MujocoSolver,
 }
-"""What can be measured; the last two are those programs' own constraint solvers."""
+"""What can be measured; those named `solver` are the programs' own constraint solvers."""
 
 
 def installed(name: str) -> str | None:
-    """Return the version of an engine; None if it is not installed."""
+    """Return the version of an engine, empty if it has none; None if it is not installed."""
     try:
         importlib.import_module(ENGINES[name].module)
     except ImportError:
@@ -708,7 +804,7 @@ def installed(name: str) -> str | None:
     try:
         return importlib.metadata.version(ENGINES[name].package)
     except importlib.metadata.PackageNotFoundError:
-        return "unknown"
+        return ""
 
 
 def error(found: np.ndarray, wanted: np.ndarray) -> float:
@@ -772,7 +868,7 @@ def asked() -> argparse.Namespace:
         "--engine", nargs="+", metavar="NAME", help=f"of {', '.join(ENGINES)}; all by default"
     )
     parser.add_argument("--robot", nargs="+", metavar="NAME", help="of the files in robots/; all by default")
-    parser.add_argument("--write", action="store_true", help="write results.csv")
+    parser.add_argument("--write", action="store_true", help="write what was measured into results.csv")
     args = parser.parse_args()
     for kind, names in known.items():
         given = getattr(args, kind)
@@ -809,10 +905,27 @@ def main() -> None:
     for (engine, quantity, note), robots in reasons.items():
         print(f"{engine}, {quantity}: {note} ({', '.join(dict.fromkeys(robots))})")
     if args.write:
-        with (HERE / "results.csv").open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(Row._fields)
-            table.writerows(row._replace(error="" if row.note else f"{row.error:.2e}") for row in rows)
+        write(rows)
+
+
+def write(rows: list[Row]) -> None:
+    """Write results.csv; lines of engines and robots that were not measured stay."""
+    path, lines = HERE / "results.csv", {(row.robot, row.engine): [] for row in rows}
+    for row in rows:
+        lines[row.robot, row.engine].append([*row[:5], "" if row.note else f"{row.error:.2e}", row.note])
+    if path.is_file():
+        with path.open(encoding="utf-8", newline="") as file:
+            old = list(csv.reader(file))[1:]
+        measured = set(lines)
+        for line in old:
+            if (line[0], line[2]) not in measured and line[2] in ENGINES:
+                lines.setdefault((line[0], line[2]), []).append(line)
+    order = list(ENGINES)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(Row._fields)
+        for key in sorted(lines, key=lambda key: (key[0], order.index(key[1]))):
+            table.writerows(lines[key])
 
 
 if __name__ == "__main__":

@@ -79,7 +79,7 @@ def results_tables() -> list[str]:
     for kind in KINDS:
         asked = [row for row in rows if row["quantity"] == kind]
         engines = [name for name in versions if any(row["error"] for row in asked if row["engine"] == name)]
-        heads = [f"{name} {versions[name]}" for name in engines]
+        heads = [f"{name} {versions[name]}".strip() for name in engines]
         lines += [f"| {kind} dynamics | {' | '.join(heads)} |", f"|---|{'---:|' * len(engines)}"]
         for name in (data["name"] for data in robots()):
             own = [[row for row in asked if (row["robot"], row["engine"]) == (name, e)] for e in engines]
