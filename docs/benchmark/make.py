@@ -110,7 +110,7 @@ def conditions(robot: exact.Robot, q, v, a, tau, forward_tau, forward_a) -> dict
     N = orthonormal(null)
     M = as_doubles(exact.mass_matrix(robot, q))
     used = np.linalg.svd(as_doubles(N[robot.actuated]), compute_uv=False)
-    motor_rank = (
+    actuation_rank = (
         null.shape[1] - exact.solve(null[robot.actuated], robot.zeros(len(robot.actuated)))[1].shape[1]
     )
     closures = sizes[0] / sizes[rank - 1] if rank else 1.0
@@ -124,11 +124,11 @@ def conditions(robot: exact.Robot, q, v, a, tau, forward_tau, forward_a) -> dict
         "rows": len(J),
         "rank": rank,
         "mobility": robot.n - rank,
-        "motor_rank": motor_rank,
-        "tau_unique": motor_rank == len(robot.actuated),
+        "actuation_rank": actuation_rank,
+        "tau_unique": actuation_rank == len(robot.actuated),
         "condition_closures": number(closures),
         "condition_inverse": number(
-            closures / used[motor_rank - 1] * (1 + np.linalg.norm(need) / np.linalg.norm(as_doubles(tau)))
+            closures / used[actuation_rank - 1] * (1 + np.linalg.norm(need) / np.linalg.norm(as_doubles(tau)))
         ),
         "condition_forward": number(
             closures * (np.linalg.norm(M, 2) * size + np.linalg.norm(load)) / (least * size)

@@ -149,7 +149,7 @@ def planar_4rrr():
     b = Build(size=0.5, force=2)
     _platform(b, "platform", *_legs(4, 0.45, 0.12))
     return b.drive(
-        *(f"arm_{k}" for k in (1, 2, 3, 4)), given=["arm_1", "arm_2", "arm_3"], kinds=["redundant motors"]
+        *(f"arm_{k}" for k in (1, 2, 3, 4)), given=["arm_1", "arm_2", "arm_3"], kinds=["redundantly actuated"]
     )
 
 

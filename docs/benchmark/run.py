@@ -124,7 +124,7 @@ class Terms:
         J, _ = self.closures(v)
         N = np.linalg.svd(J)[2][state["rank"] :].T if len(J) else np.eye(len(v))
         W = N[[self.place(name) for name in self.robot.actuated]].T
-        return shortest(W, N.T @ self.tree(a), state["motor_rank"])
+        return shortest(W, N.T @ self.tree(a), state["actuation_rank"])
 
     def forward(self, state: dict) -> np.ndarray:
         """Return the accelerations under the forces of ``forward``, in the order of the URDF's joints."""
@@ -568,7 +568,7 @@ class Exudyn:
     def inverse(self, state: dict) -> np.ndarray:
         N, load, _, B = self._terms(state)
         motors = [self.robot.names.index(name) for name in self.robot.actuated]
-        return shortest(N.T @ B[:, motors], N.T @ load, state["motor_rank"])
+        return shortest(N.T @ B[:, motors], N.T @ load, state["actuation_rank"])
 
     def forward(self, state: dict) -> np.ndarray:
         N, load, M, B = self._terms(state)
@@ -676,8 +676,8 @@ class RbdlSolver:
         self.tree = tree = Rbdl(robot)
         if robot.couplings or any(closure["kind"] == "distance" for closure in robot.closures):
             raise NotImplementedError("no distances or couplings among its constraints")
-        if any(state["rows"] > state["rank"] for state in robot.states):
-            raise NotImplementedError("no redundant rows")
+        if any(state["rows"] > state["joints"] for state in robot.states):
+            raise NotImplementedError("no more rows than joints")
         self.loops = tree.rbdl.ConstraintSet()
         for closure in robot.closures:
             ends = []
@@ -699,6 +699,10 @@ class RbdlSolver:
     def inverse(self, state: dict) -> np.ndarray:
         tree = self.tree
         q, v, a = (tree.vector(state[key]) for key in "qva")
+        if not state["tau_unique"]:
+            raise NotImplementedError(
+                "its choice among the forces of redundant actuators is not the shortest"
+            )
         if not tree.rbdl.isConstrainedSystemFullyActuated(tree.model, q, v, self.loops):
             raise NotImplementedError("not as many independent motors as freedoms")
         found, tau = np.zeros_like(a), np.zeros_like(a)

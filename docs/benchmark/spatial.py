@@ -293,7 +293,7 @@ def biped():
         motors += _leg(b, (0, y, 0.85), "trunk", side)
         b.weld(f"{side}foot", GROUND, (0.02, y, 0.0))
     free = [f"trunk_{name}" for name in ("x", "y", "z", "rz", "ry")] + ["trunk"]
-    return b.drive(*motors, given=free, kinds=["redundant motors"])
+    return b.drive(*motors, given=free, kinds=["redundantly actuated"])
 
 
 SPATIAL = (

@@ -48,7 +48,7 @@ def robots_table() -> list[str]:
 
 def numbers_table() -> list[str]:
     """Return the table of counts and condition numbers, the larger ones of both states."""
-    head = ["robot", "joints", "rows", "rank", "freedoms", "motors", "κ(J)", "κ inverse", "κ forward"]
+    head = ["robot", "joints", "rows", "rank", "mobility", "actuators", "κ(J)", "κ inverse", "κ forward"]
     lines = [f"| {' | '.join(head)} |", f"|---|{'---:|' * 8}"]
     for data in robots():
         states = data["states"]
@@ -73,17 +73,25 @@ def results() -> list[dict[str, str]]:
 
 
 def results_tables() -> list[str]:
-    """Return a table of results for each question, and what has no result and why."""
+    """Return a table of results for each question, one of own solvers, and what has no result and why."""
     rows, lines = results(), []
     versions = {row["engine"]: row["version"] for row in rows}
-    for kind in KINDS:
-        asked = [row for row in rows if row["quantity"] == kind]
-        engines = [name for name in versions if any(row["error"] for row in asked if row["engine"] == name)]
-        heads = [f"{name} {versions[name]}".strip() for name in engines]
-        lines += [f"| {kind} dynamics | {' | '.join(heads)} |", f"|---|{'---:|' * len(engines)}"]
+    every = [(engine, kind) for kind in KINDS for engine in versions]
+    own = [pair for pair in every if pair[0].endswith("solver")]
+    tables = {
+        f"{kind} dynamics": [pair for pair in every if pair[1] == kind and pair not in own] for kind in KINDS
+    }
+    for title, columns in (tables | {"own solver": sorted(own)}).items():
+        found = {pair: [r for r in rows if (r["engine"], r["quantity"]) == pair] for pair in columns}
+        kept = {pair: some for pair, some in found.items() if any(row["error"] for row in some)}
+        heads = [
+            f"{name} {versions[name]}".strip() + (f", {kind}" if "own" in title else "")
+            for name, kind in kept
+        ]
+        lines += [f"| {title} | {' | '.join(heads)} |", f"|---|{'---:|' * len(heads)}"]
         for name in (data["name"] for data in robots()):
-            own = [[row for row in asked if (row["robot"], row["engine"]) == (name, e)] for e in engines]
-            lines.append(f"| {name} | {' | '.join(map(worst, own))} |")
+            cells = [worst([row for row in some if row["robot"] == name]) for some in kept.values()]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
         lines.append("")
     whys: dict[tuple[str, str, str], list[str]] = {}
     for row in rows:

@@ -130,11 +130,11 @@ def test_freedoms_are_those_of_the_text_books():
     for name, state in states():
         robot, kinds = data(name), set(data(name)["kinds"])
         motors, freedoms = len(robot["actuated"]), state["mobility"]
-        singular = state["motor_rank"] < min(motors, freedoms) or name == "four_bar_change_point"
+        singular = state["actuation_rank"] < min(motors, freedoms) or name == "four_bar_change_point"
         assert ("singular" in kinds) == singular
-        assert ("redundant motors" in kinds) == (motors > freedoms)
+        assert ("redundantly actuated" in kinds) == (motors > freedoms)
         assert ("underactuated" in kinds) == (motors < freedoms and not singular)
-        assert state["tau_unique"] == (state["motor_rank"] == motors)
+        assert state["tau_unique"] == (state["actuation_rank"] == motors)
         points = sum(closure["kind"] == "point" for closure in robot["closures"])  # a row across a plane
         assert ("overconstrained" in kinds) == (state["rows"] - state["rank"] > points and not singular)
         if "ill-conditioned" not in kinds | {"singular"}:
