@@ -97,6 +97,20 @@ export class Qr {
         return this.turnBack(x);
     }
 
+    /** The shortest x (m) that minimises |Aᵀ x - c|, of all rows of Aᵀ. @param {ArrayLike<number>} c */
+    leastSquares(c) {
+        const { m, n, a, rank, order, diagonal } = this;
+        if (rank === n) return this.solveTransposed(c);
+        const rows = new Float64Array(n * rank); // Rᵀ in columns
+        for (let k = 0; k < rank; k++) {
+            rows[k * n + k] = diagonal[k];
+            for (let j = k + 1; j < n; j++) rows[k * n + j] = a[j * m + k];
+        }
+        const y = new Qr(rows, n, rank, 0).solve(order.map((row) => c[row])), x = new Float64Array(m);
+        x.set(y);
+        return this.turnBack(x);
+    }
+
     /** Which entries of an x with A x = b keep their value in every solution. @param {number} tolerance */
     unique(tolerance) {
         const { m, n, rank, a, order } = this, found = new Array(n).fill(true);

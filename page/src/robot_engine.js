@@ -8,8 +8,8 @@ import { directionOf, pointOf } from "./tree.js";
 
 /** As of the general layer: rank of closed loops; accuracy of an equation of motion; share of an open change. */
 const RANK = 1e-9, OPEN = 1e-3, ACCURACY = 1e-9, UNIQUE = 1e-7, NEAR_SINGULAR = 1e-6;
-/** Newton's steps along a path, as of the general layer [m or rad]. */
-const FIRST_STEP = 0.3, CONTRACTION = 0.25, NEGLIGIBLE = 1e-9, ON_THE_WAY = 1e-8, CLOSED = 1e-12, SHORTEST = 2 ** -22, MOST = 2000;
+/** Newton's steps along a path, as of the general layer but for the most of them: whoever drags cannot wait [m or rad]. */
+const FIRST_STEP = 0.3, CONTRACTION = 0.25, NEGLIGIBLE = 1e-9, ON_THE_WAY = 1e-8, CLOSED = 1e-12, SHORTEST = 2 ** -22, MOST = 200;
 /** Forces smaller than this share of a robot's weight are none. */
 const ROUNDING = 1e-12;
 const GREY = "#5f6b76";
@@ -259,7 +259,7 @@ export class RobotEngine {
         let error = last ? CLOSED : ON_THE_WAY, point = start, limit = FIRST_STEP;
         for (let count = 1; count <= 10; count++) {
             const qr = new Qr(point.A, this.nv, point.count, point.tolerance);
-            const step = qr.solveTransposed(point.r.map((x, k) => goal[k] - x)), size = largest(step);
+            const step = qr.leastSquares(point.r.map((x, k) => goal[k] - x)), size = largest(step);
             if (!(size <= Math.max(limit, enough))) return [null, count];
             point = this.point(this.moved(point.q, step), targets);
             if (size <= enough) {

@@ -9,8 +9,8 @@ import { fixed } from "./units.js";
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./robot_run.js").Sample} Sample */
 
-/** Up to this share of the largest force, the page and Pinocchio differ by rounding only. */
-const ROUNDING = 1e-9;
+/** Up to this share the page and Pinocchio differ by rounding only, also of bodies that weigh next to nothing. */
+const ROUNDING = 1e-6;
 const SLICE = 12; // how long the page computes without a pause [ms]
 const LONGEST = 60; // of a run [s]
 

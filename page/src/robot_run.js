@@ -112,7 +112,7 @@ function closed(engine, q, v) {
             const less = qr.solveTransposed(opening);
             return [q, v.map((x, k) => x - less[k])];
         }
-        q = engine.moved(q, qr.solveTransposed(errors.map((x) => -x)));
+        q = engine.moved(q, qr.leastSquares(errors.map((x) => -x)));
     }
 }
 

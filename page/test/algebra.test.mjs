@@ -32,6 +32,10 @@ for (const [m, n, rank] of [[5, 5, 5], [8, 5, 5], [5, 8, 5], [7, 6, 3], [4, 9, 2
             near([v.reduce((sum, value, i) => sum + value * short[i], 0)], [0]); // the shortest
             for (let l = 0; l <= k; l++) near([v.reduce((sum, value, i) => sum + value * N[l * m + i], 0)], [Number(k === l)]);
         }
+        const any = Float64Array.from({ length: n }, random), best = qr.leastSquares(any); // no row fits exactly
+        const left = timesTransposed(A, m, n, best).map((value, k) => value - any[k]);
+        near(times(A, m, n, left), new Float64Array(m));
+        for (let k = 0; k < m - rank; k++) near([best.reduce((sum, value, i) => sum + value * N[k * m + i], 0)], [0]);
         near(qr.turnBack(qr.turn(Float64Array.from(y))), y);
     });
 }
