@@ -8,10 +8,12 @@ import { directionOf, pointOf } from "./tree.js";
 
 /** As of the general layer: rank of closed loops; accuracy of an equation of motion; share of an open change. */
 const RANK = 1e-9, OPEN = 1e-3, ACCURACY = 1e-9, UNIQUE = 1e-7, NEAR_SINGULAR = 1e-6;
-/** Newton's steps along a path, as of the general layer but for the most of them: whoever drags cannot wait [m or rad]. */
-const FIRST_STEP = 0.3, CONTRACTION = 0.25, NEGLIGIBLE = 1e-9, ON_THE_WAY = 1e-8, CLOSED = 1e-12, SHORTEST = 2 ** -22, MOST = 200;
+/** Newton's steps along a path, as of the general layer [m or rad]. */
+const FIRST_STEP = 0.3, CONTRACTION = 0.25, NEGLIGIBLE = 1e-9, ON_THE_WAY = 1e-8, CLOSED = 1e-12, SHORTEST = 2 ** -22, MOST = 2000;
 /** Forces smaller than this share of a robot's weight are none. */
 const ROUNDING = 1e-12;
+/** How much work a path may be, and the fewest steps: who drags a large robot cannot wait. */
+const WORK = 4e7, FEWEST = 200;
 const GREY = "#5f6b76";
 const SMALLEST = "Other actuator forces would do too: the smallest are shown.";
 
@@ -234,7 +236,7 @@ export class RobotEngine {
      */
     follow(q, targets) {
         let point = this.point(q, targets), s = 0, step = 1, count = 0;
-        const start = point.r;
+        const start = point.r, most = Math.min(MOST, Math.max(FEWEST, WORK / (this.nv ** 2 * point.count)));
         while (s < 1) {
             const end = Math.min(s + step, 1);
             const [arrived, steps] = this.correct(point, start.map((x) => (1 - end) * x), end === 1, targets);
@@ -243,7 +245,7 @@ export class RobotEngine {
             if (arrived && qr?.sameOrientation(arrived.A)) {
                 point = arrived;
                 [s, step] = [end, 2 * step];
-            } else if (step > SHORTEST && count < MOST) step = Math.min(step, 1 - s) / 2;
+            } else if (step > SHORTEST && count < most) step = Math.min(step, 1 - s) / 2;
             else return { q: point.q, complete: false, part: s };
         }
         return { q: point.q, complete: true, part: 1 };
