@@ -79,6 +79,7 @@ class Build:
         self.states: list[dict[str, Any]] | None = None
         self.kinds: list[str] = []
         self.from_forces = False
+        self.forces: list[float] = []  # of the actuators, instead of the pattern times `force`
 
     def link(
         self,

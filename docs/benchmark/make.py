@@ -163,6 +163,8 @@ def filled(name: str, b: Build, folder: Path) -> dict:
 
 def given_forces(b: Build) -> list[str]:
     """Return the forces of the actuators that accelerations are computed for."""
+    if b.forces:
+        return [plain(force) for force in b.forces]
     return [plain(round(FORCES[k % len(FORCES)] * b.force, 6)) for k in range(len(b.actuated))]
 
 

@@ -284,9 +284,11 @@ def four_bar_change_point():
 
 
 def five_bar_mass_ratio():
-    """Five-bar linkage, arms of a gram, rods of a tonne."""
-    b = _five_bar(masses=(0.001, 1000.0), force=1000)
-    return b.drive("left_arm", "right_arm", kinds=["ill-conditioned"])
+    """Five-bar linkage, arms and rods of a tonne, that turns a tool of a gram: a mass ratio of 1e6."""
+    b = _five_bar(masses=(1000.0, 1000.0))
+    b.link("tool", "left_rod", flat(0, 0.45), "y", flat(0.03, 0.5), mass=0.001, thick=0.004)
+    b.forces = [3000.0, -2000.0, 0.0001]
+    return b.drive("left_arm", "right_arm", "tool", kinds=["ill-conditioned"])
 
 
 def four_bar_long():

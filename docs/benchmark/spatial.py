@@ -131,7 +131,7 @@ def _hexapod(b, screws=False):
             b.gear(upper, f"screw_{k + 1}", 0.0008)
         drives.append(f"screw_{k + 1}" if screws else upper)
     free = [f"platform_{name}" for name in ("x", "y", "z", "rz", "ry")] + ["platform"]
-    return b.drive(*drives, given=free if screws else ())
+    return b.drive(*drives, given=free if screws else (), kinds=["ill-conditioned"] if screws else ())
 
 
 def stewart():
