@@ -163,7 +163,7 @@ pictures: $(DEV) ## draw the pictures of the README anew
 
 clean: ## remove what was installed, built and computed
 	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/_native/_compiled*.so p3dof/_base/files/_numbers*.so
-	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/contributing.md docs/tests.md
+	rm -rf docs/reference/api docs/reference/generated docs/_static/animation.html docs/_static/stewart.html docs/contributing.md docs/tests.md
 	rm -rf docs/_static/tutorial
 	rm -f docs/tutorials/*.ipynb
 

@@ -2,7 +2,7 @@
 
 * ``tutorials/*.ipynb``: copies of the notebooks, in which a live page gives way to a recorded one;
 * ``contributing.md`` and ``tests.md``: what the repository says to contributors;
-* ``_static/animation.html``: the recorded one, of the paper's motion;
+* ``_static/animation.html``: the recorded one, of the paper's motion; ``_static/stewart.html``: a robot that moves;
 * ``_static/tutorial/``: what the commands of the tutorial on tasks draw and write;
 * ``_static/workspace/``: what those of the page on workspaces draw;
 * ``reference/api/``: the list of public names, by the topics of ``p3dof/__init__.pyi``;
@@ -79,6 +79,10 @@ def write_pages(app: Sphinx, _config: Config) -> None:
     animation = source / "_static" / "animation.html"
     if not animation.exists() and main(["show", "--out", str(animation)]):
         raise RuntimeError("the animation could not be written")
+    alive = source / "_static" / "stewart.html"
+    robot = source / "_static" / "gallery" / "stewart.urdf"
+    if not alive.exists() and main(["loop", "show", str(robot), "--out", str(alive)]):
+        raise RuntimeError("the page of a robot that moves could not be written")
     for page, (folder, *shown) in SHOWN.items():
         results_of(source / page, source / "_static" / folder, shown)
     _write(source / "reference/api/index.rst", api_page())

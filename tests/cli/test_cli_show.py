@@ -266,7 +266,7 @@ def test_any_robot_is_served_until_it_is_told_to_end(number):
         document = document_of(url)
         assert document["inputs"][0]["value"] == pytest.approx(0.5, abs=1e-9)
         assert document["start"]["layers"] == {"closures": True, "multipliers": True}
-        assert document["engine"] == {"kind": "ask"}
+        assert document["engine"]["kind"] == "loop"
         own = psutil.Process(process.pid)
         listening = [c.laddr.ip for c in own.net_connections() if c.status == psutil.CONN_LISTEN]
         assert listening == ["127.0.0.1"]

@@ -221,6 +221,7 @@ def test_one_closed_loop_model_in_many_threads(name):
             yield door("base_parameters")
             yield door("assembly_modes", home[at], starts=3)
             yield door("compiled_for", home)
+            yield door("around", {robot.actuated[0]: float(home[at[0]]) + 0.02})
             yield door("inverse_dynamics_batch", q, v, a, method="compiled")
 
     found = same_in_threads(doors, new)
