@@ -2,7 +2,8 @@
 
 * ``tutorials/*.ipynb``: copies of the notebooks, in which a live page gives way to a recorded one;
 * ``contributing.md`` and ``tests.md``: what the repository says to contributors;
-* ``_static/animation.html``: the recorded one, of the paper's motion; ``_static/stewart.html``: a robot that moves;
+* ``_static/animation.html``: the recorded one, of the paper's motion;
+* ``_static/stewart.html``: a robot that moves;
 * ``_static/tutorial/``: what the commands of the tutorial on tasks draw and write;
 * ``_static/workspace/``: what those of the page on workspaces draw;
 * ``reference/api/``: the list of public names, by the topics of ``p3dof/__init__.pyi``;
