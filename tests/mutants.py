@@ -172,6 +172,7 @@ TESTS = {
     "p3dof/loops/regressor.py": ("loop_identification", "loop_margins"),
     "p3dof/loops/formats/": READ,
     "p3dof/loops/formats/sdf": ("robot_sdf", "sdformat"),
+    "p3dof/loops/formats/usd.py": ("robot_usd",),
     "p3dof/loops/formats/urdf.py": (*READ, "closed_loop", "reactions", "elastic_reactions", "any_robot"),
     "p3dof/loops/hybrid": ("hybrid_dynamics",),
     "p3dof/loops/derivatives.py": LOOPS,

@@ -475,6 +475,7 @@ READERS: dict[str, Reader] = {
     "URDF": Reader("r.urdf", "xml", robot_files, used_robot),
     "MJCF": Reader("r.xml", "xml", file_of("p3dof_mjcf.xml"), used_robot),
     "SDF": Reader("r.sdf", "xml", sdf_files, used_robot),
+    "USD": Reader("r.usda", "text", file_of("p3dof.usda"), used_robot),
     "SRDF": Reader("r.srdf", "xml", encoded(robot_texts.SRDF), used_srdf),
     "xacro": Reader("r.urdf", "xml", encoded(XACRO), used_robot, takes="nothing"),
     "sidecar": _yaml(used_sidecar, OWN, OWN + DATA),

@@ -41,7 +41,8 @@ def urdf_of(name: str) -> tuple[str, bool]:
     return f"{folder}/{inside}", bool(loader.free_flyer)
 
 
-_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf")
+_USD = (".usda", ".usd", ".usdc")
+_SUFFIXES = (".urdf", ".xml", ".mjcf", ".xacro", ".sdf", *_USD)
 
 
 def load_robot(
@@ -61,9 +62,10 @@ def load_robot(
     """Return a robot with (or without) closed loops.
 
     Read are URDF with the sidecar of the Gepetto team's collection or of this package, the loops of URDF+,
-    Drake, Isaac Sim and Gazebo in it, ``<mimic>``, SDF 1.4 to 1.12 with loops of joints, and MJCF (with the
-    extra ``mjcf``). An element of a URDF or SDF that is not understood is named in a warning; one that may
-    hold links or joints together is an error. Meshes are not needed.
+    Drake, Isaac Sim and Gazebo in it, ``<mimic>``, SDF 1.4 to 1.12 with loops of joints, MJCF (with the
+    extra ``mjcf``), and UsdPhysics in USD as text (with the extra ``usd``). An element of a URDF, SDF or USD
+    that is not understood is named in a warning; one that may hold links or joints together is an error.
+    Meshes are not needed.
 
     Parameters
     ----------
@@ -73,7 +75,7 @@ def load_robot(
     sidecar : Sidecar, mapping, str or path-like, optional
         Loops and actuated joints that the file does not hold, see `Sidecar`. Its actuated joints go before
         those that ``<transmission>`` and ``<ros2_control>`` name. By default the file of the same
-        name that ends in ``.yaml``, if it is a sidecar; an empty tuple for none.
+        name that ends in ``.yaml``, if it is a sidecar, but for a USD file; an empty tuple for none.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link of a URDF, such as ``pin.JointModelFreeFlyer()``; by
         default the root link is fixed. In an SDF the joint of a link that no joint holds in the world, which
@@ -125,8 +127,8 @@ def load_robot(
     source, path, floating = _found(source, xacro_args)
     if floating and root_joint is None:
         root_joint = pin.JointModelFreeFlyer()
-    root = _root(source)
-    given = sidecar if sidecar is not None or path is None else _beside(path)
+    root = "usd" if path is not None and path.lower().endswith(_USD) else _root(source)
+    given = sidecar if sidecar is not None or path is None or root == "usd" else _beside(path)
     state = reference if isinstance(reference, str) else None
     _refuse(
         root,
@@ -146,12 +148,16 @@ def load_robot(
         from p3dof.loops.formats import sdf
 
         tree, found = sdf.read(source, given, root_joint, mimic, on_unknown, passive, include_root)
+    elif root == "usd":
+        from p3dof.loops.formats import usd
+
+        tree, found = usd.read(source, given, root_joint, on_unknown, passive, include_root)
     else:
-        from p3dof.loops.formats import srdf, urdf
+        from p3dof.loops.formats import urdf
 
         tree, found = urdf.read(source, given, root_joint, mimic, on_unknown, bool(passive), bushings)
         if srdf_file is not None:
-            values = srdf.state_of(srdf_file, state, list(tree.names)[1:])
+            values = urdf.state_of(srdf_file, state, list(tree.names)[1:])
             found = replace(found, reference=values)
         elif state is not None:
             raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
@@ -178,13 +184,16 @@ def _found(
     return source, path, floating
 
 
+_NO_STATES = {"sdf": "an SDF file has no states with names", "usd": "a USD file has no states with names"}
+
+
 def _refuse(root: str, **given: Any) -> None:
     """Refuse arguments that a format has no use for."""
     reasons = {
         "root_joint": {"mujoco": "an MJCF file has its own"},
-        "srdf_file": {"mujoco": "an MJCF file has its own", "sdf": "an SDF file has no states with names"},
-        "reference": {"sdf": "an SDF file has no states with names"},
-        "bushings": dict.fromkeys(("mujoco", "sdf"), "only a URDF has such closures"),
+        "srdf_file": {"mujoco": "an MJCF file has its own", **_NO_STATES},
+        "reference": _NO_STATES,
+        "bushings": dict.fromkeys(("mujoco", "sdf", "usd"), "only a URDF has such closures"),
         "include_root": {"robot": "a URDF file includes no others"},
     }
     for what, value in given.items():

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from browser import find_chromium
 from command_line import run
+from documents import ROOT
 from gallery import GALLERY
 from PIL import Image
 
@@ -175,6 +176,16 @@ def test_arguments_of_macros_reach_the_robot_its_shapes_and_its_code(capsys, tmp
     assert "--xacro-arg size:=2" in (tmp_path / "c" / "five.c").read_text(encoding="utf-8")
     code, _, err = loop(capsys, "info", path, "--xacro-arg", "size=2")
     assert (code, err) == (2, "p3dof: error: --xacro-arg: expected NAME:=VALUE, got 'size=2'\n")
+
+
+def test_a_usd_file_is_shown_as_rods(capsys, tmp_path):
+    pytest.importorskip("pxr")
+    code, out, _ = loop(capsys, "show", ROOT / "urdf/p3dof.usda", "--still", "--out", tmp_path / "p.html")
+    assert code == 0
+    assert "the shapes of a USD file are not read" in out
+    code, out, _ = loop(capsys, "info", ROOT / "urdf/p3dof.usda", "--around", "slide_a=10 mm,slide_b=0")
+    assert code == 0
+    assert "rank at the reference" not in out
 
 
 def test_info_doubts_the_axis_of_a_hinge_that_takes_the_mobility(capsys, tmp_path):

@@ -1,4 +1,4 @@
-"""URDF: the tree by Pinocchio, its loops from the file (`urdf_loops`) or a sidecar.
+"""URDF: the tree by Pinocchio, its loops from the file (`urdf_loops`) or a sidecar; the states of its SRDF.
 
 What is unknown is named (`urdf_loops`).
 
@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 from warnings import warn
 from xml.etree import ElementTree as Xml
 
@@ -460,3 +461,37 @@ def _new(found: Declared, sidecar: Sidecar) -> list:
     """Return the couplings of the file for joints that the sidecar does not couple itself."""
     coupled = {coupling.joint for coupling in sidecar.couplings}
     return [coupling for coupling in found.couplings if coupling.joint not in coupled]
+
+
+def state_of(source: str | os.PathLike[str], state: str | None, joints: Collection[str]) -> dict[str, Any]:
+    """Return the values [m or rad] of the model's joints in a group state, as `p3dof.Sidecar.reference`."""
+    text, name = read_xml(source, "SRDF")
+    robot = XmlReader(name).parse(text)
+    states = list(robot.iterfind("group_state"))
+    names = [element.get("name", "") for element in states]
+    if not names:
+        raise ModelError(f"{name}: it has no group state")
+    wanted = names[0] if state is None else state
+    if wanted not in names:
+        raise ModelError(
+            f"{name}: the group state {shown(wanted)} does not exist; {suggestion(wanted, names)}"
+        )
+    values: dict[str, Any] = {}
+    for element in states:
+        for joint in element.iterfind("joint") if element.get("name") == wanted else ():
+            called = joint.get("name", "")
+            if called not in joints:
+                if state is None:
+                    continue  # of another robot of the same file
+                raise ModelError(
+                    f"{name}: group state {shown(wanted)}: the joint {shown(called)} does not exist; "
+                    f"{suggestion(called, joints)}"
+                )
+            numbers = [_number(word) for word in joint.get("value", "").split()]
+            if not numbers or not all(map(math.isfinite, numbers)):
+                raise ModelError(
+                    f"{name}: group state {shown(wanted)}, joint {shown(called)}: expected numbers, got "
+                    f"{shown(joint.get('value'))}"
+                )
+            values[called] = numbers[0] if len(numbers) == 1 else tuple(numbers)
+    return values

@@ -235,6 +235,8 @@ def visuals_of(
 
     Included files are below its folder, or one of `folders`.
     """
+    if os.fspath(source).lower().endswith(".usda"):
+        return [], ["the shapes of a USD file are not read"]
     text, name = read_xml(source, "robot")
     root = root_of(text, name)
     if root == "sdf":
