@@ -20,6 +20,7 @@ from p3dof._base.checks import (
     frozen_array,
     got_of,
     meant,
+    one_line,
     positive,
     shown,
     unknown_field,
@@ -732,5 +733,5 @@ def suggestion(name: str, known: Iterable[str]) -> str:
     names = list(dict.fromkeys(known))
     if near := meant(name, names):
         return near.removeprefix("; ")
-    listed = ", ".join(f"{known:.100}" for known in names[:20]) + (", ..." if len(names) > 20 else "")
+    listed = ", ".join(one_line(known, 100) for known in names[:20]) + (", ..." if len(names) > 20 else "")
     return f"known: {listed or 'none'}"

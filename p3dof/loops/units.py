@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import LARGEST, FloatArray, frozen_array, not_negative
+from p3dof._base.checks import LARGEST, FloatArray, frozen_array, not_negative, shown
 from p3dof._base.errors import AssemblyError, DynamicsError, InputError, ModelError, P3dofError
 from p3dof._base.threads import Workspace
 from p3dof.loops.assembly import TOLERANCE, Assembly, FrameTarget, State, TargetLike, in_arrays
@@ -79,8 +79,14 @@ class Units:
         """Give a scaled copy the masses and the gravity that its model has now."""
         u = self.length
         for i in range(model.njoints):
-            body = model.inertias[i]
-            copy.inertias[i] = pin.Inertia(body.mass, body.lever / u, body.inertia / u**2)
+            body, own = model.inertias[i], pin.Inertia.Zero()  # which is not checked to be a body's
+            with np.errstate(over="ignore"):
+                lever, inertia = body.lever / u, body.inertia / u**2
+            if not (np.abs(lever).max() < LARGEST and np.abs(inertia).max() < LARGEST):
+                name = shown(str(model.names[i]))
+                raise ModelError(f"the inertia behind the joint {name} is too large in units of {u:.1g} m")
+            own.mass, own.lever, own.inertia = body.mass, lever, inertia
+            copy.inertias[i] = own
         copy.gravity.linear = model.gravity.linear / u
         with np.errstate(over="ignore"):  # where there is no limit
             for name in ("lowerPositionLimit", "upperPositionLimit"):

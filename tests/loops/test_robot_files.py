@@ -1007,6 +1007,35 @@ def test_what_cannot_be_a_robot_is_refused(source):
         load_robot(source)
 
 
+# What random damages found ---------------------------------------------------------------------------------
+
+
+def small(inertia="1e-9", xyz="0 0 0.001", name="upper"):
+    """A robot of a millimetre, which is computed in a unit of its own, with one body otherwise."""
+    body = (
+        f'<inertial><origin xyz="{xyz}"/><mass value="1"/><inertia ixx="{inertia}" iyy="1e-9" izz="1e-9" '
+        'ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    links = robots.link("base") + f'<link name="{name}">{body}</link><link name="lower">{body}</link>'
+    joints = robots.joint("one", "base", name) + robots.joint("two", name, "lower", (0.001, 0, 0))
+    return robots.robot(links, joints)
+
+
+def test_a_small_robot_takes_and_refuses_what_others_do():
+    assert load_robot(small()).unit_of_length < 0.1
+    assert load_robot(small("-1e-9")).model.inertias[1].inertia[0, 0] < 0  # as a robot of a metre does
+    for text in (small("1e308"), small(xyz="0 0 1e308")):
+        with pytest.raises(ModelError, match=r"the inertia behind the joint 'one' is too large in units of"):
+            load_robot(text)
+
+
+def test_names_in_an_error_cannot_turn_it_round():
+    sidecar = {"closed_loop": [["another", "base"]], "type": ["3d"], "name_mot": []}
+    with pytest.raises(ModelError, match=r"known: .*u202etxt") as caught:
+        load_robot(small(name="\u202etxt"), sidecar)
+    assert "\u202e" not in str(caught.value)
+
+
 # Macros ----------------------------------------------------------------------------------------------------
 
 MACROS = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">

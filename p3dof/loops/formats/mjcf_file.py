@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -35,13 +36,17 @@ def compiled(source: str | os.PathLike[str], include_root: str | os.PathLike[str
         whole = is_text(source) or isinstance(source, Macros)
         spec = mujoco.MjSpec.from_string(text) if whole else mujoco.MjSpec.from_file(name)
         missing = _without_files(mujoco, spec)
-        found = spec.compile()
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = spec.compile()
     except Exception as error:  # ValueError, and what MuJoCo's bindings raise beside it
         message = f"{name}: MuJoCo cannot compile it: {one_line(str(error))}"
         if missing and "mass" in str(error):
             meshes = _listed(mesh for mesh, _ in missing)
             message += f"; the files of meshes are missing ({meshes}), and so is what they weigh"
         raise ModelError(message) from error
+    for one in told:
+        warn(f"{name}: MuJoCo: {one_line(str(one.message))}", ModelWarning, stacklevel=4)
     for field in ("body_mass", "body_inertia", "body_pos", "body_ipos", "jnt_pos", "dof_armature", "eq_data"):
         numbers = getattr(found, field)
         if not np.all(np.abs(numbers) < LARGEST):  # also what is not a number
