@@ -284,12 +284,11 @@ export class RobotEngine {
             const value = inputs[key] ?? now[motor];
             if (!redundant || Math.abs(value - now[motor]) > CLOSED) targets.push([motor, value]);
         });
-        const found = this.follow(q, targets);
-        if (found.complete) this.hold(found.q);
-        else {
-            const part = Math.floor(100 * found.part);
-            this.state.set({ refused: { text: `The loops do not close there: they end after ${part} % of the way`, legs: [] }, playing: false });
-        }
+        const found = this.follow(q, targets), out = found.complete ? this.leaving(q, found.q) : null;
+        if (found.complete && !out) return this.hold(found.q);
+        const text = out ? `The robot cannot go there: ${out.text}`
+            : `The loops do not close there: they end after ${Math.floor(100 * found.part)} % of the way`;
+        this.state.set({ refused: { text, legs: [] }, playing: false });
     }
 
     /** Hold the robot at a configuration. @param {Float64Array} q */

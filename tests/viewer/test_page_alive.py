@@ -294,6 +294,25 @@ def test_a_platform_is_pulled_with_closed_loops_and_within_the_ranges_of_its_mot
         watched.healthy()
 
 
+def test_no_joint_goes_beyond_its_limits_by_a_slider_of_another(alone):
+    """The elbow of a five-bar with a limit just beyond where it is."""
+    given = gallery("five_bar")
+    model, q = given.model.copy(), given.assemble().q
+    elbow = next(str(n) for n in model.names[1:] if n not in given.actuated)
+    at = model.idx_qs[model.getJointId(elbow)]
+    upper = model.upperPositionLimit
+    upper[at] = q[at] + 0.02
+    model.upperPositionLimit = upper
+    robot = p3dof.ClosedLoopModel(model, given.sidecar)
+    with alone(robot_document(robot, None, JointMotion([0.0], q[None]))) as watched:
+        moves = moved(watched, 40, 0.03)
+        refused = [move for move in moves if move["refused"]]
+        words = f"The robot cannot go there: the joint {elbow} is at its upper limit"
+        assert words in {move["refused"] for move in refused}
+        assert max(move["q"][at] for move in moves) <= q[at] + 0.02
+        watched.healthy()
+
+
 def test_a_body_is_dragged_by_the_pointer(alone):
     robot = gallery("five_bar")
     with alone(robot_document(robot), 1000, 700) as watched:
