@@ -1029,6 +1029,18 @@ def test_a_small_robot_takes_and_refuses_what_others_do():
             load_robot(text)
 
 
+def test_an_axis_of_a_loop_that_is_too_long_is_refused():
+    assert len(load_robot(chain(loop())).sidecar.closures) == 1
+    with pytest.raises(ModelError, match="axis: expected a direction, got one too long"):
+        load_robot(chain(loop(axis="0 1e308 1e308")))
+
+
+def test_links_and_joints_of_one_name_are_told_apart():
+    text = robots.four_bar(*robots.FOUR_BAR).replace("_tip_joint", "_tip")  # where each tip hangs
+    with pytest.warns(ModelWarning, match="its frames coupler_tip and rocker_tip carry nothing"):
+        load_robot(text)
+
+
 def test_names_in_an_error_cannot_turn_it_round():
     sidecar = {"closed_loop": [["another", "base"]], "type": ["3d"], "name_mot": []}
     with pytest.raises(ModelError, match=r"known: .*u202etxt") as caught:

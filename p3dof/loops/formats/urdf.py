@@ -340,8 +340,10 @@ def _pairs(model: pin.Model, names: list[str]) -> tuple[list[tuple[str, str]], l
     """Return pairs of frames on different branches: with one place at neutral, and others."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    place = {name: np.array(data.oMf[model.getFrameId(name)].translation) for name in names}
-    joint = {name: model.frames[model.getFrameId(name)].parentJoint for name in names}
+    place = {
+        name: np.array(data.oMf[model.getFrameId(name, pin.FrameType.BODY)].translation) for name in names
+    }
+    joint = {name: model.frames[model.getFrameId(name, pin.FrameType.BODY)].parentJoint for name in names}
     size = max((float(np.abs(frame.translation).max()) for frame in data.oMf), default=0.0)
     found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = [], []
     for a, b in combinations(names, 2):

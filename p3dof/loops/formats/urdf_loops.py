@@ -578,8 +578,8 @@ class _LoopReader:
                 ):
                     self.fail(element, f"<{tag}>: expected an axis in the joint's own frame")
                 values = self._values(element, xyz, 3)
-            if not np.linalg.norm(values) > 0:
-                self.fail(element, f"<{tag}>: expected a direction, got zero")
+            if not 0 < np.linalg.norm(values) < np.inf:
+                self.fail(element, f"<{tag}>: expected a direction, got zero or one too long")
             found.append(values / np.linalg.norm(values))
         if not found:
             return np.eye(3)
@@ -729,8 +729,8 @@ class _LoopReader:
 
     def _along(self, element: Xml.Element) -> pin.SE3:
         axis = self._numbers(element.find("axis"), "xyz", 3, (1.0, 0.0, 0.0))
-        if not np.linalg.norm(axis) > 0:
-            self.fail(element, "axis: expected a direction, got zero")
+        if not 0 < np.linalg.norm(axis) < np.inf:
+            self.fail(element, f"axis: expected a direction, got {'one too long' if axis.any() else 'zero'}")
         return pin.SE3(with_z_along(axis), np.zeros(3))
 
     def _text(self, element: Xml.Element) -> str:
