@@ -75,7 +75,8 @@ def load_robot(
     sidecar : Sidecar, mapping, str or path-like, optional
         Loops and actuated joints that the file does not hold, see `Sidecar`. Its actuated joints go before
         those that ``<transmission>`` and ``<ros2_control>`` name. By default the file of the same
-        name that ends in ``.yaml``, if it is a sidecar, but for a USD file; an empty tuple for none.
+        name that ends in ``.yaml``, if it is a sidecar, but for a USD file; its closures count where an SDF
+        or MJCF has none itself. An empty tuple for none.
     root_joint : pin.JointModel, optional
         The joint between the world and the root link of a URDF, such as ``pin.JointModelFreeFlyer()``; by
         default the root link is fixed. In an SDF the joint of a link that no joint holds in the world, which
@@ -162,7 +163,7 @@ def load_robot(
         elif state is not None:
             raise InputError(f"reference: the name {shown(state)} needs an SRDF that has it: srdf_file")
     if root != "robot":
-        found = _joined(found, sidecar_of(given))
+        found = _joined(found, sidecar_of(given), asked=sidecar is not None)
         found = replace(found, joint_data=with_armature(tree, found.joint_data))
     if reference is not None and not isinstance(reference, str):
         found = replace(found, reference=reference)
@@ -257,17 +258,18 @@ def _beside(path: str) -> SidecarLike:
     return None
 
 
-def _joined(found: Sidecar, given: Sidecar | None) -> Sidecar:
-    """Return the sidecar of a file with what the user's own adds to it."""
+def _joined(found: Sidecar, given: Sidecar | None, asked: bool) -> Sidecar:
+    """Return the sidecar of a file with what another adds, whose loops are the same unless it is asked for."""
     if given is None:
         return found
     if given.joints:
         raise ModelError("sidecar: joint_type: only a URDF needs other types")
     said = {entry.joint for entry in given.joint_data}
+    known = bool(found.closures) and not asked  # as of a URDF and an SDF of one robot in a folder
     return Sidecar(
-        (*found.closures, *given.closures),
+        (*found.closures, *(() if known else given.closures)),
         given.actuated,
-        (*found.couplings, *given.couplings),
+        (*found.couplings, *(() if known else given.couplings)),
         found.reference if given.reference is None else given.reference,
         joint_data=(*given.joint_data, *(entry for entry in found.joint_data if entry.joint not in said)),
     )

@@ -60,10 +60,20 @@ def test_what_is_written_for_others_is_read_back_as_the_same_machine(file):
     order = [state.names.index(name) for name in list(loaded.model.names)[1:]]
     q, v, a = (array[0, order] for array in (state.q, state.v, state.a))
     assert loaded.model.nv - loaded.rank(q) == 3
+    assert len(loaded.sidecar.closures) == 3
     actuated = ("slide_a", "slide_b", "slide_c")
     loaded = p3dof.ClosedLoopModel(loaded.model, Sidecar(loaded.sidecar.closures, actuated))
     tau = loaded.inverse_dynamics(q, v, a).tau
     np.testing.assert_allclose(tau, robot.forces(POSE, VELOCITY, ACCELERATION), rtol=1e-9)
+
+
+def test_loops_of_a_file_are_not_closed_again_by_the_sidecar_of_a_urdf_beside_it():
+    """Which closures bear what would be open; a sidecar that is asked for adds its own."""
+    file = ROOT / "urdf/p3dof.sdf"
+    assert file.with_suffix(".yaml").exists()
+    assert load_robot(file).actuated == ("slide_a", "slide_b", "slide_c")
+    assert len(load_robot(file).sidecar.closures) == 3
+    assert len(load_robot(file, file.with_suffix(".yaml")).sidecar.closures) == 6
 
 
 # Sidecars of the Gepetto team ------------------------------------------------------------------------------
