@@ -259,7 +259,7 @@ def _beside(path: str) -> SidecarLike:
 
 
 def _joined(found: Sidecar, given: Sidecar | None, asked: bool) -> Sidecar:
-    """Return the sidecar of a file with what another adds, whose loops are the same unless it is asked for."""
+    """Return the sidecar of a file with what another adds, whose loops are the same if not asked for."""
     if given is None:
         return found
     if given.joints:
