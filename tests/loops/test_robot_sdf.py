@@ -419,11 +419,12 @@ def test_the_joint_without_a_motor_follows():
     assert turn_of(robot, q, "first", "frame") == pytest.approx(-0.3 / 2.5, rel=1e-13)
 
 
-def test_a_planetary_gear_ties_three_joints():
+@pytest.mark.parametrize(("element", "ratio"), [("<gearbox_ratio>3</gearbox_ratio>", 3.0), ("", 1.0)])
+def test_a_planetary_gear_ties_three_joints(element, ratio):
     z = {"axis": "0 0 1", "limit": effort(0)}
     gear = joint("mesh", "sun", "planet", "gearbox", axis="0 0 1").replace(
         "</joint>",
-        "<axis2><xyz>0 0 1</xyz></axis2><gearbox_ratio>3</gearbox_ratio>"
+        f"<axis2><xyz>0 0 1</xyz></axis2>{element}"
         "<gearbox_reference_body>carrier</gearbox_reference_body></joint>",
     )
     robot = load_robot(
@@ -438,7 +439,7 @@ def test_a_planetary_gear_ties_three_joints():
     assert robot.actuated == ("c", "s")
     q = robot.assemble({"c": 0.2, "s": 0.5}).q
     assert turn_of(robot, q, "sun", "carrier") == pytest.approx(0.3, rel=1e-13)
-    assert turn_of(robot, q, "planet", "carrier") == pytest.approx(-3 * 0.3, rel=1e-13)
+    assert turn_of(robot, q, "planet", "carrier") == pytest.approx(-ratio * 0.3, rel=1e-13)
 
 
 @pytest.mark.parametrize(
