@@ -13,24 +13,24 @@ from pathlib import Path
 
 from p3dof._base.errors import FileError, MissingExtraError, ModelError
 from p3dof._base.files import read_text, scratch_folder, write_atomic
+from p3dof._base.tracing.wasm import MAGIC, leb
 from p3dof.codegen.naming import fill
 from p3dof.codegen.webassembly import WebModule
 
 _NAME = b"p3dof"
-_MAGIC = b"\0asm\1\0\0\0"
 
 
 def with_section(made: bytes, told: Mapping[str, str]) -> bytes:
     """Return a file with the section at its end."""
-    body = _length(len(_NAME)) + _NAME + json.dumps(dict(told)).encode()
-    return made + b"\0" + _length(len(body)) + body
+    body = leb(len(_NAME)) + _NAME + json.dumps(dict(told)).encode()
+    return made + b"\0" + leb(len(body)) + body
 
 
 def section_of(found: bytes) -> dict[str, str]:
     """Return what the section of a file says; empty if it has no such section, or is no WebAssembly."""
-    place = len(_MAGIC)
+    place = len(MAGIC)
     try:
-        while found.startswith(_MAGIC) and place < len(found):
+        while found.startswith(MAGIC) and place < len(found):
             kind = found[place]
             size, start = _number(found, place + 1)
             if kind == 0:
@@ -42,15 +42,6 @@ def section_of(found: bytes) -> dict[str, str]:
     except (IndexError, ValueError):
         pass
     return {}
-
-
-def _length(value: int) -> bytes:
-    """Return an unsigned number in LEB128."""
-    found = bytearray()
-    while value > 0x7F:
-        found.append(value & 0x7F | 0x80)
-        value >>= 7
-    return bytes([*found, value])
 
 
 def _number(found: bytes, place: int) -> tuple[int, int]:
