@@ -456,7 +456,7 @@ def test_in_software_edges_are_smooth_when_nothing_moves(watched):
     watched.page.evaluate("() => p3dof.seek(0.1)")
     assert watched.page.evaluate(fine)  # scripts that look right after it see the best picture
     watched.page.evaluate("() => p3dof.state.set({ playing: true })")
-    watched.wait("p3dof.state.stage.canvas.width === p3dof.state.stage.width")
+    watched.wait("p3dof.state.stage.canvas.width <= p3dof.state.stage.width")  # less where frames are slow
     watched.page.evaluate("() => p3dof.state.set({ playing: false })")
     watched.wait(fine)
     width = watched.page.evaluate("p3dof.state.stage.width")
