@@ -480,7 +480,7 @@ class ClosedLoopModel(LoopModel):
         FileError
             If a file cannot be written.
         """
-        from p3dof.loops.writers.files import contents  # what writes is loaded when it is asked for
+        from p3dof.loops.writers import contents  # what writes is loaded when it is asked for
 
         texts = contents(self, path, format)
         with together():

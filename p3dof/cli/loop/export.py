@@ -13,7 +13,7 @@ from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import figure_of, with_robot
 from p3dof.cli.output import print_warnings, print_written, progress_bar
 from p3dof.loops import ClosedLoopModel
-from p3dof.loops.writers.files import SUFFIX, contents
+from p3dof.loops.writers import SUFFIX, contents
 
 _SCENE = "glb"
 

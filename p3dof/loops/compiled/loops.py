@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +17,15 @@ from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.compiled.dynamics import BodyRates
 from p3dof.loops.compiled.tree import (
-    IDENTITY,
     ZERO,
     Matrix,
     Placements,
+    Relative,
     Tree,
     Vector,
     axial,
     back,
+    between,
     cross,
     dot,
     matrix_of,
@@ -55,15 +56,6 @@ class _Ends:
     p2: Vector
 
 
-@dataclass(frozen=True)
-class _Relative:
-    """Body 2 in the axes of body 1, and its rates by place in v: of the origin of frame 2, of rotation."""
-
-    R: Matrix
-    point: Vector
-    columns: dict[int, tuple[Vector, Vector]] = field(default_factory=dict)
-
-
 class Loops:
     """The closures and couplings of a robot as formulas on one tape."""
 
@@ -76,7 +68,7 @@ class Loops:
             parts = tree.of_joint[int(joint1)], tree.of_joint[int(joint2)]
             placed = [(matrix_of(p.rotation), numbers(p.translation, tree.size)) for p in (place1, place2)]
             self._closures.append(_Ends(closure, parts, *placed[0], *placed[1]))
-        self._relative = [self._between(ends) for ends in self._closures]
+        self._relative = [between(tree, where, ends.parts, ends.p2) for ends in self._closures]
         self.parts = sorted(
             {part for ends in self._closures for end in ends.parts for part in tree.path(end)}
         )
@@ -171,32 +163,7 @@ class Loops:
             start += len(forms)
         return found
 
-    def _between(self, ends: _Ends) -> _Relative:
-        """Return body 2 in the axes of body 1, by the shortest way through the tree."""
-        tree, where = self._tree, self._where
-        one, two = tree.path(ends.parts[0]), tree.path(ends.parts[1])
-        common = set(one) & set(two)
-        up, down = [i for i in one if i not in common], [i for i in two if i not in common]
-        R, p, stations = IDENTITY, ZERO, []
-        for part in up:
-            stations.append((part, R, p, -1.0))
-            R = product(R, transposed(where.R[part]))
-            p = minus(p, turned(R, where.r[part]))
-        for part in reversed(down):
-            p = plus(p, turned(R, where.r[part]))
-            R = product(R, where.R[part])
-            stations.append((part, R, p, 1.0))
-        point = plus(p, turned(R, ends.p2))
-        relative = _Relative(R, point)
-        for part, axes, origin, sign in stations:
-            here = tree.parts[part]
-            for axis, slide, place in zip(here.turning, here.sliding, here.v, strict=True):
-                turning = times(sign, turned(axes, axis))
-                velocity = plus(times(sign, turned(axes, slide)), cross(turning, minus(point, origin)))
-                relative.columns[place] = velocity, turning
-        return relative
-
-    def _forms(self, ends: _Ends, relative: _Relative) -> list[tuple[Vector, Vector]]:
+    def _forms(self, ends: _Ends, relative: Relative) -> list[tuple[Vector, Vector]]:
         """Return what of velocity and rotation each row takes."""
         x, y, z = transposed(ends.R1)
         kind = ends.closure.kind
@@ -231,7 +198,7 @@ def _length(ends: _Ends) -> float:
     return float(ends.closure.length or np.nan)
 
 
-def _axes_of_two(ends: _Ends, relative: _Relative) -> Matrix:
+def _axes_of_two(ends: _Ends, relative: Relative) -> Matrix:
     """Return x2, y2, z2 in the axes of body 1."""
     x, y, z = (turned(relative.R, axis) for axis in transposed(ends.R2))
     return x, y, z
@@ -242,19 +209,19 @@ def _components(ends: _Ends, d: Vector, which: str) -> list[Number]:
     return [dot(axes[name], d) for name in which]
 
 
-def _tilt(ends: _Ends, relative: _Relative) -> list[Number]:
+def _tilt(ends: _Ends, relative: Relative) -> list[Number]:
     """How far z2 is from z1, about x1 and y1."""
     x, y, _ = transposed(ends.R1)
     z2 = _axes_of_two(ends, relative)[2]
     return [-dot(y, z2), dot(x, z2)]
 
 
-def _turn(ends: _Ends, relative: _Relative) -> Vector:
+def _turn(ends: _Ends, relative: Relative) -> Vector:
     """Half of the axial vector of the rotation from frame 1 to 2, in the axes of body 1."""
     return times(0.5, axial(product(transposed(_axes_of_two(ends, relative)), transposed(ends.R1))))
 
 
-def _square(ends: _Ends, relative: _Relative) -> list[Number]:
+def _square(ends: _Ends, relative: Relative) -> list[Number]:
     return [-dot(transposed(ends.R1)[0], _axes_of_two(ends, relative)[1])]
 
 
@@ -263,7 +230,7 @@ def _rod(ends: _Ends, d: Vector) -> list[Number]:
     return [(dot(d, d) - length * length) * (0.5 / length)]
 
 
-_ERRORS: dict[str, Callable[[_Ends, _Relative, Vector], list[Number]]] = {
+_ERRORS: dict[str, Callable[[_Ends, Relative, Vector], list[Number]]] = {
     "3d": lambda _e, _r, d: [*d],
     "6d": lambda e, r, d: [*d, *_turn(e, r)],
     "hinge": lambda e, r, d: [*_components(e, d, "xyz"), *_tilt(e, r)],
@@ -275,12 +242,12 @@ _ERRORS: dict[str, Callable[[_Ends, _Relative, Vector], list[Number]]] = {
 }
 
 
-def _square_bias(ends: _Ends, relative: _Relative, _d_dot: Vector, omega: Vector) -> list[Number]:
+def _square_bias(ends: _Ends, relative: Relative, _d_dot: Vector, omega: Vector) -> list[Number]:
     y2 = _axes_of_two(ends, relative)[1]
     return [0.0, 0.0, 0.0, -dot(transposed(ends.R1)[0], cross(omega, cross(omega, y2)))]
 
 
-def _rod_bias(ends: _Ends, _relative: _Relative, d_dot: Vector, _omega: Vector) -> list[Number]:
+def _rod_bias(ends: _Ends, _relative: Relative, d_dot: Vector, _omega: Vector) -> list[Number]:
     return [dot(d_dot, d_dot) * (1.0 / _length(ends))]
 
 

@@ -1,4 +1,4 @@
-"""A tree as a list of elementary joints with constants, and their placements as formulas of q.
+"""A tree as a list of elementary joints with constants, and their placements and rates as formulas.
 
 Every joint of Pinocchio becomes a chain of parts whose axes are fixed in the body that they move; all but
 the last body of a chain have no mass. Velocities keep Pinocchio's meaning.
@@ -7,7 +7,7 @@ the last body of a chain have no mass. Velocities keep Pinocchio's meaning.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -328,6 +328,42 @@ def placements(tree: Tree, tape: Tape, q: Sequence[Number]) -> Placements:
     return Placements(R, r)
 
 
+@dataclass(frozen=True)
+class Relative:
+    """A body in the axes of another one, and its rates by place in v: of a point of it, of rotation."""
+
+    R: Matrix
+    point: Vector
+    columns: dict[int, tuple[Vector, Vector]] = field(default_factory=dict)
+
+
+def between(tree: Tree, where: Placements, parts: tuple[int, int], place: Vector) -> Relative:
+    """Return the body of the second part, and a point in its axes, in those of the first's body.
+
+    By the shortest way through the tree.
+    """
+    one, two = tree.path(parts[0]), tree.path(parts[1])
+    common = set(one) & set(two)
+    up, down = [i for i in one if i not in common], [i for i in two if i not in common]
+    R, p, stations = IDENTITY, ZERO, []
+    for part in up:
+        stations.append((part, R, p, -1.0))
+        R = product(R, transposed(where.R[part]))
+        p = minus(p, turned(R, where.r[part]))
+    for part in reversed(down):
+        p = plus(p, turned(R, where.r[part]))
+        R = product(R, where.R[part])
+        stations.append((part, R, p, 1.0))
+    relative = Relative(R, plus(p, turned(R, place)))
+    for part, axes, origin, sign in stations:
+        here = tree.parts[part]
+        for axis, slide, at in zip(here.turning, here.sliding, here.v, strict=True):
+            turning = times(sign, turned(axes, axis))
+            arm = minus(relative.point, origin)
+            relative.columns[at] = plus(times(sign, turned(axes, slide)), cross(turning, arm)), turning
+    return relative
+
+
 _Move = Callable[[Part, Tape, "list[Number]"], tuple[Matrix, Vector]]
 
 
@@ -400,3 +436,46 @@ def of_quaternion(q: Sequence[Number]) -> Matrix:
         (xy + wz, 1.0 - (xx + zz), yz - wx),
         (xz - wy, yz + wx, 1.0 - (xx + yy)),
     )
+
+
+def _ball_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    """Return the rate of a quaternion by an angular velocity in the body's axes."""
+    qx, qy, qz, qw = q
+    a, b, c = (value * 0.5 for value in x)
+    return [
+        qw * a + qy * c - qz * b,
+        qw * b + qz * a - qx * c,
+        qw * c + qx * b - qy * a,
+        -(qx * a + qy * b + qz * c),
+    ]
+
+
+def _free_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    qx, qy, qz, qw = q[3:]
+    vx, vy, vz = x[:3]
+    # R v = v + 2 w (u x v) + 2 u x (u x v)
+    tx, ty, tz = (qy * vz - qz * vy) * 2.0, (qz * vx - qx * vz) * 2.0, (qx * vy - qy * vx) * 2.0
+    return [
+        vx + qw * tx + qy * tz - qz * ty,
+        vy + qw * ty + qz * tx - qx * tz,
+        vz + qw * tz + qx * ty - qy * tx,
+        *_ball_rate(q[3:], x[3:]),
+    ]
+
+
+def _planar_rate(q: Sequence[Number], x: Sequence[Number]) -> list[Number]:
+    c, s = q[2:]
+    return [c * x[0] - s * x[1], s * x[0] + c * x[1], -(s * x[2]), c * x[2]]
+
+
+RATES: dict[str, Callable[[Sequence[Number], Sequence[Number]], list[Number]]] = {
+    "revolute": lambda _q, x: [x[0]],
+    "helical": lambda _q, x: [x[0]],
+    "prismatic": lambda _q, x: [x[0]],
+    "unbounded": lambda q, x: [-(q[1] * x[0]), q[0] * x[0]],
+    "translation": lambda _q, x: list(x),
+    "planar": _planar_rate,
+    "ball": _ball_rate,
+    "free": _free_rate,
+}
+"""Rates of q by those of v."""
