@@ -193,6 +193,8 @@ TESTS = {
     "p3dof/loops/partitions.py": (*CLOSED, "hybrid_dynamics"),
     "p3dof/loops/reaction": ("any_robot", "reactions", "closure_kinds"),
     "p3dof/loops/reaction_algebra.py": ("any_robot", "reactions", "closure_kinds", "elastic_reactions"),
+    "p3dof/loops/bushings.py": ("bushings",),
+    "p3dof/loops/tree_formulas.py": ("compiled_loops", "bushings"),
     "p3dof/loops/tree_tangents.py": (*LOOPS,),
     "p3dof/loops/units.py": ("scale", "loop_derivatives", "reactions"),
     "p3dof/loops/model.py": ("closed_loop_batch", "hybrid_dynamics", "compiled_loops"),

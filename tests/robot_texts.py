@@ -106,4 +106,8 @@ FULL = {
         {"joint": "knee", "friction": 0.1, "armature": 0.01, "rotor_inertia": "4e-6", "gear_ratio": -50},
         {"joint": "ball", "stiffness": 1, "rest": [0, 0, "0", 1]},
     ],
+    "bushings": [
+        {"frames": ["a", "d"], "stiffness": [1, 2, "3e2", 0, 0, 0.5], "damping": [1, 0, 0, 0, 0, 2]},
+        {"frames": ["b", "c"], "name": "mount"},
+    ],
 }

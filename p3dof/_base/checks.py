@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-from p3dof._base.errors import InputError, ModelWarning, P3dofError
+from p3dof._base.errors import InputError, ModelError, ModelWarning, P3dofError
 
 FloatArray = NDArray[np.float64]
 """An array of double-precision numbers."""
@@ -229,10 +229,25 @@ def meant(name: object, known: Iterable[str], closeness: float = 0.6, most: int 
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
 
 
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return ``"did you mean ...?"`` of names that come close, else the known names (at most twenty)."""
+    names = list(dict.fromkeys(known))
+    if near := meant(name, names):
+        return near.removeprefix("; ")
+    listed = ", ".join(one_line(known, 100) for known in names[:20]) + (", ..." if len(names) > 20 else "")
+    return f"known: {listed or 'none'}"
+
+
 def with_point(text: object) -> str:
     """Return what ends an error about a number with a decimal comma."""
     found = re.fullmatch(r"\s*([+-]?\d+),(\d+)([^,]*)", str(text)[:80])
     return f"; with a decimal point it is {found[1]}.{found[2]}{found[3]}" if found else ""
+
+
+def checked_name(where: str, value: Any) -> None:
+    """Refuse what is not a name."""
+    if not isinstance(value, str) or not value.strip():
+        raise ModelError(f"{where}: expected a name, got {shown(value)}")
 
 
 def require(name: str, value: object, kind: type, error: type[P3dofError] = InputError) -> None:

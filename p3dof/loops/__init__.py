@@ -9,7 +9,8 @@ Where to look, from what a user has to what is computed:
 
 - files: `robots` (`load_robot`), `formats` (URDF, URDF+, MJCF, SRDF, names, Pinocchio's own models),
   `sidecar` (closures, couplings, data of joints), `writers`;
-- the tree: `trees` (joints locked, too), `coordinates` (joints, rotations, springs, damping, friction);
+- the tree: `trees` (joints locked, too), `coordinates` (joints, rotations, springs, damping, friction),
+  `bushings`, `tree_formulas` (for tapes);
 - closures: `closures` evaluates them and couplings, `closure_kinds` those that Pinocchio does not know;
   `closure_joints` has the forces in them in space;
 - closing loops: `assembly`, with targets and what solves;
@@ -28,6 +29,7 @@ from p3dof.loops.assembly import Assembly, FrameTarget, State
 from p3dof.loops.batch.assembly import BatchStates, FrameTargets
 from p3dof.loops.batch.dynamics import BatchForwardDynamics, BatchHybridDynamics, BatchInverseDynamics
 from p3dof.loops.batch.kinematics import BodyEnergies
+from p3dof.loops.bushings import Bushing
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
 from p3dof.loops.compiled.results import CompiledDerivatives, CompiledDynamics
 from p3dof.loops.compliance import JointCompliance, beam
@@ -64,6 +66,7 @@ __all__ = [
     "BatchReactions",
     "BatchStates",
     "BodyEnergies",
+    "Bushing",
     "ByForces",
     "ByMotion",
     "ByPrescription",

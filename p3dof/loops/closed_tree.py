@@ -113,7 +113,7 @@ class ClosedTree:
         self.actuated_v = np.array([model.idx_vs[j] for j in self.joints], dtype=int)
         self.actuated_v.setflags(write=False)
         self.assembler = Assembler(self.kinematics, self.reference)
-        self.passive = Passive(model, sidecar.joint_data)
+        self.passive = Passive(model, sidecar.joint_data, sidecar.bushings)
         self._data = Own(model.createData)
         self._normalised = Norms(model)
 
@@ -304,7 +304,7 @@ class ClosedTree:
         return energy_rate(self.model, self._data.here, q, v, a) + float(self.passive.power(q, v))
 
     def acting(self, q: ArrayLike, v: FloatArray, joint_forces: ArrayLike | None) -> FloatArray:
-        """Return springs, damping and friction, and what else is said to act in the joints (nv,)."""
+        """Return springs, damping, friction and bushings, and what else acts in the joints (nv,)."""
         own = self.passive.forces(self.configuration("q", q), v)
         return own if joint_forces is None else own + frozen_array("joint_forces", joint_forces, own.shape)
 

@@ -4,8 +4,8 @@ How exact results are: what single samples, many samples and compiled dynamics m
 decides (single samples, by singular value decompositions) refuses by `ACCURACY`. Faster ways keep what is
 `SURELY` within it, whatever norm it is measured in, and hand all else over: so all refuse the same samples.
 
-Then rotations, joints by name, and springs, counterbalances, damping and friction in joints: forces, energy,
-power, at any states.
+Then rotations, joints by name, and springs, counterbalances, damping and friction in joints, with bushings
+between bodies: forces, energy, power, at any states.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError
+from p3dof.loops.bushings import Bushing, Bushings
 from p3dof.loops.sidecar import JointData, suggestion
 
 _LENGTHS: dict[str, slice | EllipsisType] = {
@@ -378,11 +379,12 @@ SMOOTHING = 1e-3
 
 
 class Passive:
-    """What acts in the joints of a tree by itself."""
+    """What acts in a tree by itself: in its joints, and in bushings between its bodies."""
 
-    def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
+    def __init__(self, model: pin.Model, entries: Sequence[JointData], bushings: Sequence[Bushing]) -> None:
         self._nv = int(model.nv)
-        self._any = bool(entries)
+        self.bushings = Bushings(model, bushings)
+        self._any = bool(entries) or bool(bushings)
         self._damping, self._friction, self._force = np.zeros((3, model.nv))
         pushed = []
         self._turning: list[TurningSpring] = []
@@ -414,6 +416,11 @@ class Passive:
 
     def forces(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the generalised forces (..., nv) at configurations (..., nq) and velocities (..., nv)."""
+        found = self.joint_forces(q, v)
+        return found + self.bushings.forces(q, v) if self.bushings else found
+
+    def joint_forces(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return what of the forces acts in the joints themselves."""
         found: FloatArray = self._force - self._damping * v - self._friction * np.tanh(v / SMOOTHING)
         if len(self._q):
             found[..., self._v] -= self._stiffness * self._stretch(q)
@@ -422,7 +429,7 @@ class Passive:
         return found
 
     def derivatives(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the derivatives of the forces by the positions (nv, nv) and by the speeds (nv,).
+        """Return the derivatives (nv, nv) of the forces by the positions and by the speeds.
 
         Friction is smooth: away from rest its derivative fades out within a few times `SMOOTHING`.
         """
@@ -430,30 +437,34 @@ class Passive:
         by_q[self._v, self._v] = -self._stiffness
         for spring in self._turning:
             by_q[spring.v, spring.v] = -spring.stiffness * spring.stretch_by_q(q)
-        return by_q, -self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2)
+        by_v = np.diag(-self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2))
+        if not self.bushings:
+            return by_q, by_v
+        more = self.bushings.derivatives(q, v)
+        return by_q + more[0], by_v + more[1]
 
     def energy(self, q: FloatArray) -> FloatArray:
-        """Return the energy in springs and counterbalances (...) [J]."""
+        """Return the energy in springs, counterbalances and bushings (...) [J]."""
         found = np.asarray(np.sum(self._stiffness * self._stretch(q) ** 2, axis=-1) / 2)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) ** 2, axis=-1) / 2
         if len(self._pushed_q):
             found = found - np.sum(self._force[self._pushed_v] * q[..., self._pushed_q], axis=-1)
-        return np.asarray(found)
+        return np.asarray(found + self.bushings.energy(q) if self.bushings else found)
 
     def power(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return how fast springs and counterbalances take up energy (...) [W]."""
+        """Return how fast springs, counterbalances and bushings take up energy (...) [W]."""
         found = np.sum(self._stiffness * self._stretch(q) * v[..., self._v], axis=-1)
         for spring in self._turning:
             found = found + spring.stiffness * np.sum(spring.stretch(q) * v[..., spring.v], axis=-1)
         if len(self._pushed_v):
             found = found - np.sum(self._force[self._pushed_v] * v[..., self._pushed_v], axis=-1)
-        return np.asarray(found)
+        return np.asarray(found + self.bushings.power(q, v) if self.bushings else found)
 
-    def dissipation(self, v: FloatArray) -> FloatArray:
-        """Return what damping and friction take (...) [W]."""
-        lost = self._damping * v**2 + self._friction * v * np.tanh(v / SMOOTHING)
-        return np.asarray(np.sum(lost, axis=-1))
+    def dissipation(self, v: FloatArray, q: FloatArray | None = None) -> FloatArray:
+        """Return what damping and friction take (...) [W]; that of bushings depends on q."""
+        lost = np.sum(self._damping * v**2 + self._friction * v * np.tanh(v / SMOOTHING), axis=-1)
+        return np.asarray(lost if q is None else lost + self.bushings.dissipation(q, v))
 
     def _stretch(self, q: FloatArray) -> FloatArray:
         """Return how far the joints with springs are from rest (..., n)."""

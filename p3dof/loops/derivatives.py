@@ -52,7 +52,7 @@ class Acting:
     """What acts besides the actuators."""
 
     by_q: FloatArray  # (nv, nv): how the forces in the joints change with small motions of them
-    by_v: FloatArray  # (nv,): how the force in each freedom of the joints changes with its own speed
+    by_v: FloatArray  # (nv, nv): how they change with the speeds
     wrenches: Sequence[tuple[pin.Frame, FloatArray]] = ()
     """(6,): wrenches on frames, in world axes at their origins."""
 
@@ -91,7 +91,7 @@ class Linearised:
         self.a_by_v = -self._closing @ (by_v @ N)
         f_q, f_v, self.M = _tree_derivatives(tree, q, v, a)
         f_q = f_q - self._closures.force_by_q(motion.lambda_) - acting.by_q
-        f_v = f_v - np.diag(acting.by_v)
+        f_v = f_v - acting.by_v
         for frame, wrench in acting.wrenches:
             body = int(tree.bodies[frame.parentJoint])
             at = self.bodies.M[body].act(frame.placement.translation)
@@ -387,7 +387,7 @@ def _linearised(
     """Return the linearised equations of motion in the robot's own units."""
     v, a, tau, lambda_ = motion
     by_q, by_v = setting.robot.passive.derivatives(at.point.q * setting.q, v)
-    by_q = by_q * setting.v / setting.force[:, None]
+    by_q, by_v = (by * setting.v / setting.force[:, None] for by in (by_q, by_v))
     wrenches = [
         (setting.kinematics.frame(name, "external", InputError), np.asarray(wrench) / setting.wrench)
         for name, wrench in (external or {}).items()
@@ -399,7 +399,7 @@ def _linearised(
         setting.actuated_v,
         at,
         ForcedMotion(v / setting.v, a / setting.v, tau / setting.motors, lambda_ / setting.rows),
-        Acting(by_q, by_v * setting.v / setting.force, wrenches),
+        Acting(by_q, by_v, wrenches),
     )
 
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import Self
 
 from p3dof._base.checks import FloatArray, frozen_array, require
-from p3dof._base.errors import AssemblyError
+from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import derivatives, minimal, regressor
 from p3dof.loops.assembly import TOLERANCE, Assembly, Limits, State, TargetLike, named_joints
 from p3dof.loops.batch.kinematics import BodyEnergies, energies_of
@@ -49,7 +49,7 @@ class LoopModel:
         """The configuration (nq,) that says which assembly is meant; neutral if the sidecar says nothing."""
         self.actuated_v = self._tree.actuated_v  # where in v the actuated joints are, in their order
         self.passive = self._tree.passive
-        """Springs, damping and friction in the joints; see `Sidecar.joint_data`."""
+        """Springs, damping and friction in the joints, and bushings; see `Sidecar`."""
 
     def __reduce__(self) -> tuple[type[Self], tuple[pin.Model, Sidecar]]:
 
@@ -627,21 +627,28 @@ class LoopModel:
         """
         return energies_of(self._tree, q, v)
 
-    def dissipation(self, v: ArrayLike) -> FloatArray:
-        """Return the power [W] that damping and friction in the joints take, see `Sidecar.joint_data`.
+    def dissipation(self, v: ArrayLike, q: ArrayLike | None = None) -> FloatArray:
+        """Return the power [W] that damping and friction in joints and bushings take, see `Sidecar`.
 
         Parameters
         ----------
         v : (nv,) or (N, nv) array
             Velocities.
+        q : (nq,) or (N, nq) array, optional
+            Configurations; only what bushings take depends on them.
 
         Raises
         ------
         InputError
-            If `v` has the wrong shape or is not finite.
+            If an argument has the wrong shape or is not finite, or `q` is missing.
         """
-        shape = (self.model.nv,) if np.ndim(v) == 1 else ("N", self.model.nv)
-        return self.passive.dissipation(frozen_array("v", v, shape))
+        shape: tuple[int | str, ...] = () if np.ndim(v) == 1 else ("N",)
+        v = frozen_array("v", v, (*shape, self.model.nv))
+        if not self.passive.bushings:
+            return self.passive.dissipation(v)
+        if q is None:
+            raise InputError("q: expected the configuration, on which the losses of bushings depend")
+        return self.passive.dissipation(v, frozen_array("q", q, (*v.shape[:-1], self.model.nq)))
 
     def motor_side(self, tau: ArrayLike, v: ArrayLike) -> MotorSide:
         """Return torques and speeds of the motors before their gears, see `JointData`.
@@ -947,7 +954,7 @@ class LoopModel:
 
     @cached_property
     def _regressor(self) -> regressor.TreeRegressor:
-        return regressor.TreeRegressor(self.model, self.sidecar.joint_data)
+        return regressor.TreeRegressor(self.model, self.sidecar.joint_data, self.passive.bushings)
 
     @cached_property
     def _margins(self) -> Margins:

@@ -277,9 +277,12 @@ class ReactionSolver:
         parts[0][self.loop.actuated_v] = frozen_array("tau", tau, (len(self.loop.actuated),))
         point = self._closed(q, v)
         if self.loop.passive:
-            parts.append(self.loop.passive.forces(point.q, v))
+            parts.append(self.loop.passive.joint_forces(point.q, v))
         given = np.sum(parts, axis=0)
-        loads = self._loads(external) if external else self._no_loads
+        bushings = self.loop.passive.bushings
+        loads = self._loads(external) if external or bushings else self._no_loads
+        for joint, force in bushings.wrenches(self._kinematics.data, point.q, v) if bushings else ():
+            loads[joint] = loads[joint] + force
         data = self._data.here
         missing = np.array(pin.rnea(model, data, point.q, v, a, loads)) - given
         tree = np.array([f.vector for f in data.f[1:]]).reshape(-1, 6)

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof._base.checks import FloatArray, Readable, frozen_array, whole
 from p3dof._base.errors import AssemblyError, DynamicsError
 from p3dof._base.threads import Own
+from p3dof.loops.bushings import Bushings
 from p3dof.loops.closed_tree import ClosedTree, Loads
 from p3dof.loops.closures import ClosurePoint
 from p3dof.loops.coordinates import SMOOTHING, TurningSpring
@@ -82,9 +83,10 @@ class LoopRegressor(Readable):
 
 
 class TreeRegressor:
-    """The regressor of a tree: inertial parameters of its bodies, and data of its joints."""
+    """The regressor of a tree: inertial parameters of its bodies, data of its joints and bushings."""
 
-    def __init__(self, model: pin.Model, joint_data: Sequence[JointData]) -> None:
+    def __init__(self, model: pin.Model, joint_data: Sequence[JointData], bushings: Bushings) -> None:
+        self._bushings = bushings
         self._model, self._data = model, Own(model.createData)
         given = {entry.joint: entry for entry in joint_data}
         each = [
@@ -105,7 +107,7 @@ class TreeRegressor:
         bodies = [f"{body}.{moment}" for body in body_names(model) for moment in MOMENTS]
         joints = [f"{freedom}.{what}" for what in JOINT[:3] for freedom in freedoms]
         joints += [f"{model.names[i]}.{what}" for what in JOINT[3:] for i in single]
-        joints += [f"{model.names[i]}.stiffness" for i in several]
+        joints += [f"{model.names[i]}.stiffness" for i in several] + list(bushings.parameters)
         self.inertial = len(bodies)  # how many inertial parameters there are; they come first
         self.names = (*bodies, *joints)  # of all parameters
 
@@ -114,7 +116,8 @@ class TreeRegressor:
         bodies = [self._model.inertias[i].toDynamicParameters() for i in range(1, self._model.njoints)]
         joints = np.asarray(self._model.armature), *self._friction.T, self._stiffness
         turning = [spring.stiffness for spring in self._turning]
-        return np.concatenate([np.zeros(0), *bodies, *joints, self._preload, turning])
+        between = list(self._bushings.parameters.values())
+        return np.concatenate([np.zeros(0), *bodies, *joints, self._preload, turning, between])
 
     def rows(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the matrix (nv, P) from the parameters to the generalised forces that the motion takes."""
@@ -132,7 +135,8 @@ class TreeRegressor:
         for k, spring in enumerate(self._turning):
             turning[spring.v, k] = spring.stretch(q)
         joints = (np.diag(x) for x in (a, v, np.tanh(v / SMOOTHING)))
-        return np.concatenate((bodies, *joints, springs, turning), axis=1)
+        between = self._bushings.regressor(q, v) if self._bushings else np.zeros((nv, 0))
+        return np.concatenate((bodies, *joints, springs, turning, between), axis=1)
 
 
 def force_regressor(

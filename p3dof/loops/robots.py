@@ -99,7 +99,7 @@ def load_robot(
     bushings : {"closures"}, optional
         Takes Drake's bushings for the closures that they stand for: a stiffness against forces alone is a
         point, against two torques too a hinge, against all but one force a slider, against all a rigid
-        connection. One below 1/1000 of the largest of its kind holds nothing. By default they are an error.
+        connection, below 1/1000 of the largest of its kind nothing. By default they act as in Drake.
     include_root : path-like, optional
         A folder below which an MJCF or SDF may include files, and in which ``model://`` is looked for; by
         default that of the file.
@@ -272,4 +272,5 @@ def _joined(found: Sidecar, given: Sidecar | None, asked: bool) -> Sidecar:
         (*found.couplings, *(() if known else given.couplings)),
         found.reference if given.reference is None else given.reference,
         joint_data=(*given.joint_data, *(entry for entry in found.joint_data if entry.joint not in said)),
+        bushings=(*found.bushings, *given.bushings),
     )

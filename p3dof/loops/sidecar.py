@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -17,16 +17,17 @@ import yaml
 from p3dof._base.checks import (
     FloatArray,
     Readable,
+    checked_name,
     frozen_array,
     got_of,
-    meant,
-    one_line,
     positive,
     shown,
+    suggestion,
     unknown_field,
 )
 from p3dof._base.errors import FileError, ModelError
 from p3dof._base.files import parse_yaml, read_text
+from p3dof.loops.bushings import Bushing
 
 KINDS: Mapping[str, int] = MappingProxyType(
     {"3d": 3, "6d": 6, "hinge": 5, "slider": 5, "universal": 4, "cylindrical": 4, "planar": 3, "distance": 1}
@@ -200,12 +201,6 @@ def known_kind(where: str, kind: Any) -> str:
     return word
 
 
-def checked_name(where: str, value: Any) -> None:
-    """Refuse what is not a name."""
-    if not isinstance(value, str) or not value.strip():
-        raise ModelError(f"{where}: expected a name, got {shown(value)}")
-
-
 def check_couplings(where: str, couplings: Iterable[Coupling]) -> None:
     """Refuse couplings of which two have the same joint, or which follow each other in a ring."""
     leaders: dict[str, tuple[str, ...]] = {}
@@ -347,8 +342,9 @@ def motor_side(
 
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
-_OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data")
+_OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data", "bushings")
 _JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature", "rotor_inertia", "gear_ratio", "force")
+_BUSHING = ("stiffness", "damping", "name")
 _COUPLING = ("joint", "coefficients", "on", "name", "others")
 
 
@@ -358,9 +354,9 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
         raise ModelError(f"{source}: expected a mapping with {_listed(_REQUIRED)}, got {got_of(content)}")
     _known_keys(source, content, _REQUIRED, _OPTIONAL)
     pairs, kinds, actuated = (_list(source, content, key) for key in _REQUIRED)
-    lengths, couplings, names, types, data = (
+    lengths, couplings, names, types, data, bushings = (
         [] if content.get(key) is None else _list(source, content, key)
-        for key in ("length", "coupling", "joint_name", "joint_type", "joint_data")
+        for key in ("length", "coupling", "joint_name", "joint_type", "joint_data", "bushings")
     )
     _same_number(source, "type", len(kinds), len(pairs), "closure")
     if lengths:
@@ -380,7 +376,14 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
         tuple(pair_of(f"{source}: joint_type", pair) for pair in zip(names, types, strict=True)),
         checked_data(
             f"{source}: joint_data",
-            [_joint_data(f"{source}: joint_data[{i}]", entry) for i, entry in enumerate(data)],
+            [
+                _entry(JointData, f"{source}: joint_data[{i}]", entry, "joint", _JOINT_DATA)
+                for i, entry in enumerate(data)
+            ],
+        ),
+        tuple(
+            _entry(Bushing, f"{source}: bushings[{i}]", entry, "frames", _BUSHING)
+            for i, entry in enumerate(bushings)
         ),
     )
 
@@ -392,6 +395,7 @@ def content_of(
     reference: Mapping[str, Any] | None,
     joints: tuple[tuple[str, str], ...],
     joint_data: tuple[JointData, ...],
+    bushings: tuple[Bushing, ...],
 ) -> dict[str, Any]:
     """Return the content of a sidecar's file as lists, text and numbers; without empty keys."""
     content: dict[str, Any] = {
@@ -411,6 +415,8 @@ def content_of(
         content["joint_name"], content["joint_type"] = (list(part) for part in zip(*joints, strict=True))
     if joint_data:
         content["joint_data"] = [_data_fields(entry) for entry in joint_data]
+    if bushings:
+        content["bushings"] = [_bushing_fields(bushing) for bushing in bushings]
     return content
 
 
@@ -506,20 +512,29 @@ def _coupling(where: str, entry: Any) -> Coupling:
         raise ModelError(f"{where}: {error}") from error
 
 
-def _joint_data(where: str, entry: Any) -> JointData:
+_EntryT = TypeVar("_EntryT", JointData, Bushing)
+
+
+def _entry(
+    kind: Callable[..., _EntryT], where: str, entry: Any, first: str, others: tuple[str, ...]
+) -> _EntryT:
+    """Return a mapping with the fields of a class as one of it; `first` is the field that it must have."""
     if not isinstance(entry, Mapping):
-        raise ModelError(
-            f"{where}: expected a mapping with {_listed(('joint', *_JOINT_DATA))}, got {shown(entry)}"
-        )
-    _known_keys(where, entry, ("joint",), _JOINT_DATA)
+        raise ModelError(f"{where}: expected a mapping with {_listed((first, *others))}, got {shown(entry)}")
+    _known_keys(where, entry, (first,), others)
+    given = {key: entry[key] for key in (first, *others) if key in entry}
+    for key in set(given) - {first, "name"}:
+        value = given[key]
+        given[key] = [_number(x) for x in value] if isinstance(value, list | tuple) else _number(value)
     try:
-        given = {key: entry[key] for key in _JOINT_DATA if key in entry}
-        for key, value in given.items():
-            several = key == "rest" and isinstance(value, list | tuple)
-            given[key] = [_number(number) for number in value] if several else _number(value)
-        return JointData(entry["joint"], **given)
+        return kind(**given)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
+
+
+def _bushing_fields(bushing: Bushing) -> dict[str, Any]:
+    named = {} if bushing.name is None else {"name": bushing.name}
+    return {key: list(getattr(bushing, key)) for key in ("frames", *_BUSHING[:2])} | named
 
 
 def _data_fields(entry: JointData) -> dict[str, Any]:
@@ -564,8 +579,9 @@ class Sidecar(Readable):
 
     Its file is the YAML sidecar of the Gepetto team's example-parallel-robots: ``closed_loop`` lists pairs of
     frames, ``type`` says for each pair of which kind the closure is, ``name_mot`` lists the actuated joints.
-    Four keys may be added: ``length`` (for each pair the distance, or null), ``coupling`` and ``joint_data``
-    (lists of mappings with the fields of `Coupling` and `JointData`) and ``reference`` (a mapping).
+    Five keys may be added: ``length`` (for each pair the distance, or null), ``coupling``, ``joint_data`` and
+    ``bushings`` (lists of mappings with the fields of `Coupling`, `JointData` and `Bushing`) and
+    ``reference`` (a mapping).
     ``joint_name`` and ``joint_type`` list joints that are of another type than the URDF says.
 
     Parameters
@@ -585,6 +601,8 @@ class Sidecar(Readable):
         applies them.
     joint_data : tuple of JointData
         Springs, damping and friction that act in joints, and their rotors.
+    bushings : tuple of Bushing
+        Springs and dampers between two frames each.
 
     Raises
     ------
@@ -598,15 +616,16 @@ class Sidecar(Readable):
     reference: Mapping[str, Any] | None = field(default=None, hash=False)
     joints: tuple[tuple[str, str], ...] = ()
     joint_data: tuple[JointData, ...] = ()
+    bushings: tuple[Bushing, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("closures", "actuated", "couplings", "joints", "joint_data"):
+        for name in ("closures", "actuated", "couplings", "joints", "joint_data", "bushings"):
             value = getattr(self, name)
             if isinstance(value, str) or not isinstance(value, Iterable):
                 raise ModelError(f"{name}: expected a sequence, got {shown(value)}")
             object.__setattr__(self, name, tuple(value))
-        kinds: tuple[tuple[str, type], ...] = (("closures", Closure), ("couplings", Coupling))
-        for name, kind in kinds:
+        kinds = {"closures": Closure, "couplings": Coupling, "bushings": Bushing}
+        for name, kind in kinds.items():
             for entry in getattr(self, name):
                 if not isinstance(entry, kind):
                     raise ModelError(f"{name}: expected {kind.__name__} objects, got {shown(entry)}")
@@ -619,14 +638,8 @@ class Sidecar(Readable):
 
     def __reduce__(self) -> tuple[Any, ...]:
         reference = None if self.reference is None else dict(self.reference)
-        return Sidecar, (
-            self.closures,
-            self.actuated,
-            self.couplings,
-            reference,
-            self.joints,
-            self.joint_data,
-        )
+        parts = self.closures, self.actuated, self.couplings, reference, self.joints, self.joint_data
+        return Sidecar, (*parts, self.bushings)
 
     @classmethod
     def serial(cls, model: pin.Model) -> Sidecar:
@@ -698,10 +711,8 @@ class Sidecar(Readable):
 
     def to_yaml(self) -> str:
         """Return the text of the sidecar file, YAML that `parse` reads back to an equal sidecar."""
-        parts = (self.closures, self.actuated, self.couplings, self.reference, self.joints, self.joint_data)
-        text: str = yaml.safe_dump(
-            content_of(*parts), sort_keys=False, default_flow_style=None, allow_unicode=True
-        )
+        content = content_of(*self.__reduce__()[1])
+        text: str = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, allow_unicode=True)
         return text
 
 
@@ -726,12 +737,3 @@ def names_beside(path: str | os.PathLike[str]) -> list[Path]:
     name = Path(path).name.removesuffix(".xacro")
     stem = name.rpartition(".")[0] or name
     return [Path(path).with_name(stem + ending) for ending in (".yaml", ".yml")]
-
-
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return ``"did you mean ...?"`` of names that come close, else the known names (at most twenty)."""
-    names = list(dict.fromkeys(known))
-    if near := meant(name, names):
-        return near.removeprefix("; ")
-    listed = ", ".join(one_line(known, 100) for known in names[:20]) + (", ..." if len(names) > 20 else "")
-    return f"known: {listed or 'none'}"

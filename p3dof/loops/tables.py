@@ -136,6 +136,18 @@ def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
     return Table("Closures and couplings", header, tuple(rows), layout="words")
 
 
+def bushings_table(loop: LoopModel) -> Table:
+    """Return all bushings: between which frames they are, and their numbers."""
+    rows = [
+        (each.title, "/".join(each.frames), *(" ".join(f"{x:g}" for x in part) for part in parts))
+        for each in loop.sidecar.bushings
+        for parts in [(each.stiffness, each.damping)]
+    ]
+    header = ("Bushing", "frames", "stiffness", "damping")
+    note = "Along x, y, z [N/m, N s/m], then in roll, pitch, yaw [N m/rad, N m s/rad]."
+    return Table("Bushings", header, tuple(rows), note, layout="words")
+
+
 def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math.nan) -> Table:
     """Return what matters of a robot in numbers."""
     model = loop.model

@@ -145,20 +145,26 @@ def without(
         reference=kept,
         joints=(),
         joint_data=tuple(entry for entry in sidecar.joint_data if entry.joint not in locked),
+        bushings=tuple(bushing for bushing in sidecar.bushings if _apart(reduced, *bushing.frames)),
     )
 
 
 def _moves(model: pin.Model, closure: Closure) -> bool:
     """Whether the frames of a closure are on two bodies; if not, it must be closed."""
-    one, two = (model.frames[model.getFrameId(name)] for name in (closure.frame1, closure.frame2))
-    if one.parentJoint != two.parentJoint:
+    if _apart(model, closure.frame1, closure.frame2):
         return True
+    one, two = (model.frames[model.getFrameId(name)] for name in (closure.frame1, closure.frame2))
     gap = _gap(one.placement.actInv(two.placement), closure)
     if not gap <= _SHUT:
         raise ModelError(
             f"lock: the closure {closure.name} is open by {gap:.3g} m or rad, and no joint is left for it"
         )
     return False
+
+
+def _apart(model: pin.Model, *frames: str) -> bool:
+    """Whether frames are on several bodies."""
+    return len({model.frames[model.getFrameId(name)].parentJoint for name in frames}) > 1
 
 
 def _gap(between: pin.SE3, closure: Closure) -> float:

@@ -109,6 +109,7 @@ class Units:
             couplings=tuple(self._coupling(coupling) for coupling in sidecar.couplings),
             reference=reference or None,
             joint_data=(),  # whoever hands a state in adds what acts in the joints
+            bushings=(),
         )
 
     def _coupling(self, coupling: Coupling) -> Coupling:

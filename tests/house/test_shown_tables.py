@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import closed_loop_robots as robots
@@ -28,6 +29,7 @@ from p3dof.loops.sidecar import JointData
 from p3dof.loops.tables import (
     actuators_table,
     assembly_table,
+    bushings_table,
     closures_table,
     facts_table,
     joints_table,
@@ -387,6 +389,15 @@ def test_the_tables_of_a_robot_with_all_roles():
     found = p3dof.loops.Assembly(assembly.q, 4.56e-11, 17, assembly.evidence)
     note = [4.56e-11, "rank 1", 1, "mobility 3", 3, 17, "iterations", "is the same"]
     check_table(assembly_table(robot, found), {name: values[name] for name in order}, note=note, atol=1e-9)
+
+
+@shows("p3dof.loops.tables.bushings_table")
+def test_the_table_of_bushings():
+    mount = p3dof.loops.Bushing(("coupler_tip", "rocker_tip"), (3e4, 2e4, 0, 5, 0, 0), (0, 0, 0, 0, 0.25, 0))
+    sidecar = Sidecar((), ("crank_joint",), bushings=(mount, replace(mount, name="mount")))
+    robot = ClosedLoopModel.from_urdf(robots.four_bar(*robots.FOUR_BAR), sidecar)
+    row = "coupler_tip/rocker_tip", (3e4, 2e4, 0, 5, 0, 0), (0, 0, 0, 0, 0.25, 0)
+    check_table(bushings_table(robot), {"coupler_tip/rocker_tip": row, "mount": row})
 
 
 @shows("p3dof.loops.tables.closures_table", "p3dof.loops.tables.facts_table")

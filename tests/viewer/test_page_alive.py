@@ -14,6 +14,7 @@ from gallery import GALLERY
 
 import p3dof
 from p3dof._base.errors import InputError
+from p3dof.loops import Bushing
 from p3dof.loops.sidecar import Coupling, JointData
 from p3dof.runs import simulate_robot
 from p3dof.viewer.answers import RobotAnswers
@@ -163,7 +164,7 @@ def test_every_kind_of_closure_gives_the_accelerations_of_pinocchio(alone, kind)
         watched.healthy()
 
 
-def test_every_kind_of_joint_with_springs_friction_and_dampers(alone):
+def test_every_kind_of_joint_with_springs_friction_dampers_and_a_bushing(alone):
     """A floating tree of eleven joints: what acts in them by itself is in the traced functions, too."""
     model, draw = closure_robots.tree(2), np.random.default_rng(2)
     names = [str(name) for name in model.names[1:]]
@@ -172,7 +173,9 @@ def test_every_kind_of_joint_with_springs_friction_and_dampers(alone):
     data += [JointData(ball, stiffness=4.0, rest=(0.1, -0.2, 0.3, np.sqrt(0.86)))]
     data += [JointData(name, stiffness=30.0, rest=0.1) for name in names if name.startswith("hinge")]
     motors = tuple(name for name in names if model.nvs[model.getJointId(name)] == 1)
-    robot = p3dof.ClosedLoopModel(model, p3dof.Sidecar((), motors, joint_data=tuple(data)))
+    ends = [str(frame.name) for frame in model.frames if frame.parentJoint in (1, model.njoints - 1)][::-1]
+    mount = Bushing((ends[0], ends[-1]), (30, 20, 40, 0.5, 0.3, 0.2), (3, 2, 4, 0.2, 0.1, 0.3))
+    robot = p3dof.ClosedLoopModel(model, p3dof.Sidecar((), motors, joint_data=tuple(data), bushings=(mount,)))
     q = pin.integrate(model, pin.neutral(model), draw.normal(size=model.nv))
     with alone(robot_document(robot, None, JointMotion([0.0], q[None]))) as watched:
         check_state(watched, robot, q, draw)

@@ -30,6 +30,7 @@ from p3dof.loops.compiled.kept import ROBOT_METHODS
 from p3dof.loops.sidecar import suggestion
 from p3dof.loops.tables import (
     assembly_table,
+    bushings_table,
     closures_table,
     doubts,
     facts_table,
@@ -314,6 +315,8 @@ def info(robot: ClosedLoopModel, inputs: list[Path], listed: bool) -> int:
         tables.append(joints_table(robot, seen))
     if robot.constraint_rows:
         tables.append(closures_table(robot, seen))
+    if robot.sidecar.bushings:
+        tables.append(bushings_table(robot))
     show(console, *tables)
     print_warnings(console, [problem] if problem else told)
     return FAILED if problem else 0

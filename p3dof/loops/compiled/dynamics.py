@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from p3dof._base.tracing import Number
-from p3dof.loops.compiled.tree import (
+from p3dof.loops.tree_formulas import (
     NOTHING,
     ZERO,
     Matrix,

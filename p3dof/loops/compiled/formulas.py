@@ -20,7 +20,8 @@ from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.compiled.dynamics import BodyRates, forces, motion, velocities
 from p3dof.loops.compiled.loops import CoupledJoints, Loops, PassiveJoints
 from p3dof.loops.compiled.pivots import Factors, Plan
-from p3dof.loops.compiled.tree import (
+from p3dof.loops.coordinates import NORMALISED, SURELY
+from p3dof.loops.tree_formulas import (
     RATES,
     ZERO,
     Placements,
@@ -34,7 +35,6 @@ from p3dof.loops.compiled.tree import (
     product,
     with_parameters,
 )
-from p3dof.loops.coordinates import NORMALISED, SURELY
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from p3dof._base.threads import OneThread, in_threads, shares, slices
 from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof._base.tracing.python import function_of
 from p3dof.loops.compiled.formulas import MARGIN, At, Robot, normalised
-from p3dof.loops.compiled.tree import dot
+from p3dof.loops.tree_formulas import dot
 
 MOST_OPERATIONS = 30_000  # more take compilers longer than anybody waits
 

@@ -28,7 +28,7 @@ from p3dof.loops.compiled.formulas import (
 )
 from p3dof.loops.compiled.function import Builder, Function
 from p3dof.loops.compiled.pivots import solve_symmetric
-from p3dof.loops.compiled.tree import placements
+from p3dof.loops.tree_formulas import placements
 
 
 def flow(robot: Robot) -> Function:

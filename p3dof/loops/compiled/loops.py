@@ -14,13 +14,16 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof._base.tracing import Number, Symbol, Tape
+from p3dof.loops.bushings import Bushing, Bushings
 from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.compiled.dynamics import BodyRates
-from p3dof.loops.compiled.tree import (
+from p3dof.loops.coordinates import SMOOTHING, TurningSpring, joint_named, single_joint
+from p3dof.loops.sidecar import Closure, Coupling, JointData
+from p3dof.loops.tree_formulas import (
     ZERO,
     Matrix,
     Placements,
-    Relative,
+    RelativeBody,
     Tree,
     Vector,
     axial,
@@ -38,8 +41,6 @@ from p3dof.loops.compiled.tree import (
     transposed,
     turned,
 )
-from p3dof.loops.coordinates import SMOOTHING, TurningSpring, joint_named, single_joint
-from p3dof.loops.sidecar import Closure, Coupling, JointData
 
 Row = dict[int, "Number"]  # entries of a row of the Jacobian, by their place in v
 
@@ -163,7 +164,7 @@ class Loops:
             start += len(forms)
         return found
 
-    def _forms(self, ends: _Ends, relative: Relative) -> list[tuple[Vector, Vector]]:
+    def _forms(self, ends: _Ends, relative: RelativeBody) -> list[tuple[Vector, Vector]]:
         """Return what of velocity and rotation each row takes."""
         x, y, z = transposed(ends.R1)
         kind = ends.closure.kind
@@ -198,7 +199,7 @@ def _length(ends: _Ends) -> float:
     return float(ends.closure.length or np.nan)
 
 
-def _axes_of_two(ends: _Ends, relative: Relative) -> Matrix:
+def _axes_of_two(ends: _Ends, relative: RelativeBody) -> Matrix:
     """Return x2, y2, z2 in the axes of body 1."""
     x, y, z = (turned(relative.R, axis) for axis in transposed(ends.R2))
     return x, y, z
@@ -209,19 +210,19 @@ def _components(ends: _Ends, d: Vector, which: str) -> list[Number]:
     return [dot(axes[name], d) for name in which]
 
 
-def _tilt(ends: _Ends, relative: Relative) -> list[Number]:
+def _tilt(ends: _Ends, relative: RelativeBody) -> list[Number]:
     """How far z2 is from z1, about x1 and y1."""
     x, y, _ = transposed(ends.R1)
     z2 = _axes_of_two(ends, relative)[2]
     return [-dot(y, z2), dot(x, z2)]
 
 
-def _turn(ends: _Ends, relative: Relative) -> Vector:
+def _turn(ends: _Ends, relative: RelativeBody) -> Vector:
     """Half of the axial vector of the rotation from frame 1 to 2, in the axes of body 1."""
     return times(0.5, axial(product(transposed(_axes_of_two(ends, relative)), transposed(ends.R1))))
 
 
-def _square(ends: _Ends, relative: Relative) -> list[Number]:
+def _square(ends: _Ends, relative: RelativeBody) -> list[Number]:
     return [-dot(transposed(ends.R1)[0], _axes_of_two(ends, relative)[1])]
 
 
@@ -230,7 +231,7 @@ def _rod(ends: _Ends, d: Vector) -> list[Number]:
     return [(dot(d, d) - length * length) * (0.5 / length)]
 
 
-_ERRORS: dict[str, Callable[[_Ends, Relative, Vector], list[Number]]] = {
+_ERRORS: dict[str, Callable[[_Ends, RelativeBody, Vector], list[Number]]] = {
     "3d": lambda _e, _r, d: [*d],
     "6d": lambda e, r, d: [*d, *_turn(e, r)],
     "hinge": lambda e, r, d: [*_components(e, d, "xyz"), *_tilt(e, r)],
@@ -242,12 +243,12 @@ _ERRORS: dict[str, Callable[[_Ends, Relative, Vector], list[Number]]] = {
 }
 
 
-def _square_bias(ends: _Ends, relative: Relative, _d_dot: Vector, omega: Vector) -> list[Number]:
+def _square_bias(ends: _Ends, relative: RelativeBody, _d_dot: Vector, omega: Vector) -> list[Number]:
     y2 = _axes_of_two(ends, relative)[1]
     return [0.0, 0.0, 0.0, -dot(transposed(ends.R1)[0], cross(omega, cross(omega, y2)))]
 
 
-def _rod_bias(ends: _Ends, _relative: Relative, d_dot: Vector, _omega: Vector) -> list[Number]:
+def _rod_bias(ends: _Ends, _relative: RelativeBody, d_dot: Vector, _omega: Vector) -> list[Number]:
     return [dot(d_dot, d_dot) * (1.0 / _length(ends))]
 
 
@@ -337,10 +338,11 @@ _TINY = 1e-200  # square of a length that is none
 
 
 class PassiveJoints:
-    """What acts in joints by itself."""
+    """What acts in a tree by itself, as `Passive`."""
 
-    def __init__(self, model: pin.Model, entries: Sequence[JointData]) -> None:
+    def __init__(self, model: pin.Model, entries: Sequence[JointData], bushings: Sequence[Bushing]) -> None:
         self._nv = int(model.nv)
+        self._bushings = Bushings(model, bushings)
         self._entries = []
         self._turning = []
         for entry in entries:
@@ -368,6 +370,8 @@ class PassiveJoints:
             values = _turning_stretch(tape, list(q[spring.q]), spring.rest.tolist())
             for place, stretch in zip(range(spring.v.start, spring.v.stop), values, strict=True):
                 found[place] = found[place] - spring.stiffness * stretch
+        for place, force in self._bushings.traced_forces(tape, q, v).items() if self._bushings else ():
+            found[place] = found[place] + force
         return found
 
 

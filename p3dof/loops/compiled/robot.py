@@ -15,9 +15,9 @@ from p3dof.loops.compiled.formulas import Load, Robot
 from p3dof.loops.compiled.functions import jacobian_rows
 from p3dof.loops.compiled.loops import CoupledJoints, PassiveJoints
 from p3dof.loops.compiled.pivots import Plan, planned
-from p3dof.loops.compiled.tree import numbers, tree_of
 from p3dof.loops.coordinates import joint_named
 from p3dof.loops.loop_model import LoopModel
+from p3dof.loops.tree_formulas import numbers, tree_of
 
 SAMPLES = 12  # closed configurations that the pivots are chosen on
 _STEP = 0.3  # how far they are from each other [m or rad, of the largest entry]
@@ -84,7 +84,7 @@ def unplanned(loop: LoopModel) -> CompiledRobot:
         tree,
         kinematics,
         CoupledJoints(model, loop.sidecar.couplings, kinematics.couplings.periods.tolist()),
-        PassiveJoints(model, loop.sidecar.joint_data),
+        PassiveJoints(model, loop.sidecar.joint_data, loop.sidecar.bushings),
         tuple(int(i) for i in loop.actuated_v),
         Plan((), ()),
         length=min(1.0, loop.unit_of_length),

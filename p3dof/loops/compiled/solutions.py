@@ -19,7 +19,7 @@ from p3dof.loops.compiled.formulas import (
 )
 from p3dof.loops.compiled.function import Builder
 from p3dof.loops.compiled.pivots import solve_symmetric, symmetric_factors
-from p3dof.loops.compiled.tree import dot
+from p3dof.loops.tree_formulas import dot
 
 
 class Borne(NamedTuple):

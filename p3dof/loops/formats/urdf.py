@@ -399,6 +399,7 @@ def read(
         sidecar,
         closures=(*sidecar.closures, *found.closures),
         couplings=(*sidecar.couplings, *_new(found, sidecar)),
+        bushings=(*sidecar.bushings, *found.bushings),
     )
     return model, _acting(model, whole, passive, found)
 
@@ -417,7 +418,8 @@ def _acting(model: pin.Model, sidecar: Sidecar, passive: bool, found: Declared) 
 def _completed(model: pin.Model, found: Declared) -> Sidecar:
     free = _free(model, found)
     actuated = [name for name in free if name in _driven(model, found)] or free
-    return Sidecar(tuple(found.closures), tuple(actuated), tuple(found.couplings))
+    parts = tuple(found.closures), tuple(actuated), tuple(found.couplings)
+    return Sidecar(*parts, bushings=tuple(found.bushings))
 
 
 def _free(model: pin.Model, found: Declared) -> list[str]:

@@ -27,6 +27,7 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError
+from p3dof.loops.bushings import Bushing
 from p3dof.loops.coordinates import add_frame, single_joint
 from p3dof.loops.sidecar import Closure, Coupling, JointData, suggestion
 
@@ -79,12 +80,15 @@ READ: Mapping[str, tuple[str, str]] = {
     **{f"{_BALL}/{_BALL}_p_{point}": (_VALUE, "") for point in ("AP", "BQ")},
     _BUSHING: (
         "name",
-        'Drake: with `bushings="closures"` the closure that it stands for, a point, hinge, slider or rigid '
-        "connection; else an error",
+        'Drake: a spring and damper between two frames; with `bushings="closures"` the closure that it '
+        "stands for, a point, hinge, slider or rigid connection",
     ),
     **{f"{_BUSHING}/drake:bushing_frame{end}": ("name", "") for end in "AC"},
     **{
-        f"{_BUSHING}/drake:bushing_{what}_{part}": (_VALUE, "" if part == "stiffness" else "no effect")
+        f"{_BUSHING}/drake:bushing_{what}_{part}": (
+            _VALUE,
+            "zero where it is missing" if part == "stiffness" else "likewise; no effect in a closure",
+        )
         for what in ("torque", "force")
         for part in ("stiffness", "damping")
     },
@@ -347,6 +351,7 @@ class Declared:
 
     closures: list[Closure] = field(default_factory=list)  # the loops
     couplings: list[Coupling] = field(default_factory=list)
+    bushings: list[Bushing] = field(default_factory=list)  # springs and dampers between frames
     dependent: set[str] = field(default_factory=set)
     """Names of joints that the loops determine, by the file's own words."""
     rotors: list[JointData] = field(default_factory=list)
@@ -478,9 +483,8 @@ class _LoopReader:
             self.loop(element)
         for number, element in enumerate(_parts(self._robot, _BALL), 1):
             self.ball(element, number)
-        if bushings is not None or not ignore_unknown:
-            for number, element in enumerate(_parts(self._robot, _BUSHING), 1):
-                self.bushing(element, number, bushings)
+        for number, element in enumerate(_parts(self._robot, _BUSHING), 1):
+            self.bushing(element, number, bushings)
         of_gazebo = [
             element
             for element in self._robot.iterfind("gazebo/joint")
@@ -593,21 +597,23 @@ class _LoopReader:
         return np.column_stack((x, y, np.cross(x, y)))
 
     def bushing(self, element: Xml.Element, number: int, bushings: str | None) -> None:
-        """Read Drake's bushing as the closure that it approaches where it is stiff."""
-        if bushings is None:
-            raise ModelError(
-                f"{self._source}, line {self._line_of(element)}: <{_BUSHING}> is a spring and damper between "
-                "two frames, no rigid connection (bushings='closures' takes a stiff one for the closure that "
-                "it stands for, on_unknown='ignore' leaves it out)"
+        """Read Drake's bushing, or the closure that it approaches where it is stiff."""
+        law = [
+            np.concatenate(
+                [
+                    self._numbers(_first(element, f"drake:bushing_{what}_{part}"), "value", 3, (0.0,) * 3)
+                    for what in ("force", "torque")
+                ]
             )
-        stiffness = [
-            self._numbers(_first(element, f"drake:bushing_{what}_stiffness"), "value", 3, (0.0, 0.0, 0.0))
-            for what in ("force", "torque")
+            for part in ("stiffness", "damping")
         ]
-        if min(part.min() for part in stiffness) < 0:
-            self.fail(element, "expected no negative stiffness")
+        if min(law[0]) < 0 or min(law[1]) < 0:
+            self.fail(element, "expected no negative stiffness or damping")
+        stiffness = law[0][:3], law[0][3:]
         kind, axis = _bushing_kind(*(part > _SOFT * part.max() for part in stiffness))
-        if not kind:
+        if bushings is None:
+            axis = None
+        elif not kind:
             self.fail(
                 element,
                 "expected the stiffness of a point (forces alone), a hinge (a torque about two axes too), a "
@@ -624,7 +630,12 @@ class _LoopReader:
                 help_ = suggestion(name, [*self._named, *self._links])
                 self.fail(part, f"<{part.tag}>: the frame {shown(name)} does not exist; {help_}")
             ends.append(self._frame(f"bushing_{number}_{end}", link, place * turn))
-        self._close(element, ends, kind)
+        if bushings is None:
+            self._apart(element, ends)
+            name = element.get("name") or f"bushing_{number}"
+            self.found.bushings.append(Bushing((ends[0], ends[1]), tuple(law[0]), tuple(law[1]), name))
+        else:
+            self._close(element, ends, kind)
 
     def ball(self, element: Xml.Element, number: int) -> None:
         """Read Drake's ball constraint: two points of two links that coincide."""
@@ -722,10 +733,14 @@ class _LoopReader:
         return set().union(*chains) - chains[0].intersection(*chains) <= coupled
 
     def _close(self, element: Xml.Element, ends: list[str], kind: str) -> None:
+        self._apart(element, ends)
+        self.found.closures.append(Closure(ends[0], ends[1], kind))
+
+    def _apart(self, element: Xml.Element, ends: list[str]) -> None:
+        """Refuse two frames on one body."""
         frames = [self._model.frames[self._model.getFrameId(end)] for end in ends]
         if frames[0].parentJoint == frames[1].parentJoint:
             self.fail(element, "expected two links that move against each other")
-        self.found.closures.append(Closure(ends[0], ends[1], kind))
 
     def _along(self, element: Xml.Element) -> pin.SE3:
         axis = self._numbers(element.find("axis"), "xyz", 3, (1.0, 0.0, 0.0))

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from p3dof._base.checks import shown
-from p3dof._base.errors import InputError
+from p3dof._base.errors import InputError, ModelError
 from p3dof._base.files import suffix_of
 from p3dof.loops.loop_model import LoopModel
 from p3dof.loops.writers import mjcf, sdf, urdf
@@ -28,6 +28,9 @@ def contents(
         raise InputError(f"{file}: expected a file name that ends in {SUFFIX[format]} for {format}")
     if suffix == ".urdf":
         return dict(zip((file, file.with_suffix(".yaml")), urdf.texts(loop), strict=True))
+    if loop.sidecar.bushings:
+        name, kind = shown(loop.sidecar.bushings[0].title), "MJCF" if suffix == ".xml" else "SDF"
+        raise ModelError(f"{kind}: the bushing {name} acts between two bodies, which {kind} has no word for")
     if suffix == ".xml":
         return {file: mjcf.text(loop)}
     return {file: sdf.text(loop, drake=format == "drake")}

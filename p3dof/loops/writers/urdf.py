@@ -30,7 +30,9 @@ def texts(loop: LoopModel) -> tuple[str, str]:
         raise ModelError(
             "URDF: the gravity of the robot is not 9.81 m/s² downward, which URDF cannot represent"
         )
-    writer = _UrdfWriter(model, [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)])
+    needed = [end for c in loop.sidecar.closures for end in (c.frame1, c.frame2)]
+    needed += [end for bushing in loop.sidecar.bushings for end in bushing.frames]
+    writer = _UrdfWriter(model, needed)
     return writer.text(), _sidecar(loop, writer.balls).to_yaml()
 
 

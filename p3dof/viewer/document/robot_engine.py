@@ -19,7 +19,7 @@ from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled.formulas import Load
 from p3dof.loops.compiled.functions import unplanned_functions
 from p3dof.loops.compiled.robot import closed_configurations, unplanned
-from p3dof.loops.compiled.tree import ZERO
+from p3dof.loops.tree_formulas import ZERO
 from p3dof.viewer.document.encoding import encoded, finite
 from p3dof.viewer.document.trees import place_of, tree_of
 

@@ -329,7 +329,7 @@ def placements(tree: Tree, tape: Tape, q: Sequence[Number]) -> Placements:
 
 
 @dataclass(frozen=True)
-class Relative:
+class RelativeBody:
     """A body in the axes of another one, and its rates by place in v: of a point of it, of rotation."""
 
     R: Matrix
@@ -337,7 +337,7 @@ class Relative:
     columns: dict[int, tuple[Vector, Vector]] = field(default_factory=dict)
 
 
-def between(tree: Tree, where: Placements, parts: tuple[int, int], place: Vector) -> Relative:
+def between(tree: Tree, where: Placements, parts: tuple[int, int], place: Vector) -> RelativeBody:
     """Return the body of the second part, and a point in its axes, in those of the first's body.
 
     By the shortest way through the tree.
@@ -354,7 +354,7 @@ def between(tree: Tree, where: Placements, parts: tuple[int, int], place: Vector
         p = plus(p, turned(R, where.r[part]))
         R = product(R, where.R[part])
         stations.append((part, R, p, 1.0))
-    relative = Relative(R, plus(p, turned(R, place)))
+    relative = RelativeBody(R, plus(p, turned(R, place)))
     for part, axes, origin, sign in stations:
         here = tree.parts[part]
         for axis, slide, at in zip(here.turning, here.sliding, here.v, strict=True):
