@@ -64,7 +64,7 @@ def test_who_asks_for_nothing_keeps_nobody_out(said, started, monkeypatch, caplo
         assert status(server.url) == 200
         assert all(closed(one) for one in waiting[:32])  # the oldest have given way
     told = [record.getMessage().partition(" (")[0] for record in caplog.records]
-    # A POST is refused and closed, which may make room: then it is told again, once a half at the most, or never.
+    # A POST is refused and closed, which may make room: then it is told again, once a half at most, or never.
     assert told == [TOLD] or (said.startswith(b"POST") and set(told) <= {TOLD} and len(told) <= 40 // 4)
 
 
