@@ -127,7 +127,7 @@ class _Stretch(NamedTuple):
 
 
 class Bushings:
-    """What the bushings of a robot do to its tree."""
+    """What the bushings of a robot, at least one, do to its tree."""
 
     def __init__(self, model: pin.Model, bushings: Sequence[Bushing]) -> None:
         self.all = tuple(bushings)
@@ -135,8 +135,6 @@ class Bushings:
         self._function = cache(self._traced)
         self._ends: list[tuple[_Side, _Side]] = []
         self._frames: list[tuple[Any, Any]] = []
-        if not self.all:
-            return
         self._tree = tree_of(model)
         ids = {str(frame.name): i for i, frame in reversed(list(enumerate(model.frames)))}
         for bushing in self.all:
@@ -153,9 +151,6 @@ class Bushings:
         paths = [[set(self._tree.path(end.part)) for end in ends] for ends in self._ends]
         moving = {part for one, two in paths for part in one ^ two}
         self._places = sorted({place for part in moving for place in self._tree.parts[part].v})
-
-    def __bool__(self) -> bool:
-        return bool(self.all)
 
     def traced_forces(self, tape: Tape, q: Sequence[Number], v: Sequence[Number]) -> dict[int, Number]:
         """Return the generalised forces by place in v, on a tape."""

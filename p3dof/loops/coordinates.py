@@ -383,7 +383,7 @@ class Passive:
 
     def __init__(self, model: pin.Model, entries: Sequence[JointData], bushings: Sequence[Bushing]) -> None:
         self._nv = int(model.nv)
-        self.bushings = Bushings(model, bushings)
+        self.bushings = Bushings(model, bushings) if bushings else None
         self._any = bool(entries) or bool(bushings)
         self._damping, self._friction, self._force = np.zeros((3, model.nv))
         pushed = []
@@ -464,7 +464,7 @@ class Passive:
     def dissipation(self, v: FloatArray, q: FloatArray | None = None) -> FloatArray:
         """Return what damping and friction take (...) [W]; that of bushings depends on q."""
         lost = np.sum(self._damping * v**2 + self._friction * v * np.tanh(v / SMOOTHING), axis=-1)
-        return np.asarray(lost if q is None else lost + self.bushings.dissipation(q, v))
+        return np.asarray(lost + self.bushings.dissipation(q, v) if self.bushings and q is not None else lost)
 
     def _stretch(self, q: FloatArray) -> FloatArray:
         """Return how far the joints with springs are from rest (..., n)."""

@@ -85,7 +85,7 @@ class LoopRegressor(Readable):
 class TreeRegressor:
     """The regressor of a tree: inertial parameters of its bodies, data of its joints and bushings."""
 
-    def __init__(self, model: pin.Model, joint_data: Sequence[JointData], bushings: Bushings) -> None:
+    def __init__(self, model: pin.Model, joint_data: Sequence[JointData], bushings: Bushings | None) -> None:
         self._bushings = bushings
         self._model, self._data = model, Own(model.createData)
         given = {entry.joint: entry for entry in joint_data}
@@ -107,7 +107,8 @@ class TreeRegressor:
         bodies = [f"{body}.{moment}" for body in body_names(model) for moment in MOMENTS]
         joints = [f"{freedom}.{what}" for what in JOINT[:3] for freedom in freedoms]
         joints += [f"{model.names[i]}.{what}" for what in JOINT[3:] for i in single]
-        joints += [f"{model.names[i]}.stiffness" for i in several] + list(bushings.parameters)
+        joints += [f"{model.names[i]}.stiffness" for i in several]
+        joints += bushings.parameters if bushings else ()
         self.inertial = len(bodies)  # how many inertial parameters there are; they come first
         self.names = (*bodies, *joints)  # of all parameters
 
@@ -116,7 +117,7 @@ class TreeRegressor:
         bodies = [self._model.inertias[i].toDynamicParameters() for i in range(1, self._model.njoints)]
         joints = np.asarray(self._model.armature), *self._friction.T, self._stiffness
         turning = [spring.stiffness for spring in self._turning]
-        between = list(self._bushings.parameters.values())
+        between = list(self._bushings.parameters.values()) if self._bushings else []
         return np.concatenate([np.zeros(0), *bodies, *joints, self._preload, turning, between])
 
     def rows(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:

@@ -342,7 +342,7 @@ class PassiveJoints:
 
     def __init__(self, model: pin.Model, entries: Sequence[JointData], bushings: Sequence[Bushing]) -> None:
         self._nv = int(model.nv)
-        self._bushings = Bushings(model, bushings)
+        self._bushings = Bushings(model, bushings) if bushings else None
         self._entries = []
         self._turning = []
         for entry in entries:
