@@ -238,16 +238,23 @@ def test_derivatives_are_exact():
             np.testing.assert_allclose(by_v[:, k], (one - two) / (2 * h), rtol=0, atol=1e-7)
         assert np.abs(by_v - np.diag(np.diag(by_v))).max() > 0.1
         np.testing.assert_allclose(by_v, by_v.T, rtol=0, atol=1e-13)
-        found = loop.inverse_dynamics_derivatives(q, v, a).tau
-        places = [list(loop.model.names).index(name) - 1 for name in found_names(loop, q)]
-        for k, place in enumerate(places):
-            step = h * np.eye(4)[place]
-            one, two = (loop.inverse_dynamics(q, v + s * step, a).tau for s in (1, -1))
-            np.testing.assert_allclose(found.by_speeds[:, k], (one - two) / (2 * h), rtol=0, atol=1e-6)
-
-
-def found_names(loop, q):
-    return loop.coordinates(q)
+        tau = loop.inverse_dynamics(q, v, a).tau
+        found = loop.inverse_dynamics_derivatives(q, v, a).tau, loop.forward_dynamics_derivatives(q, v, tau).a
+        ways = (
+            (lambda q, v, a=a: loop.inverse_dynamics(q, v, a).tau),
+            (lambda q, v, tau=tau: loop.forward_dynamics(q, v, tau).a),
+        )
+        for by, way in zip(found, ways, strict=True):
+            for k, name in enumerate(loop.coordinates(q)):
+                step = h * np.eye(4)[list(loop.model.names).index(name) - 1]
+                ends = [way(np.array(pin.integrate(loop.model, q, s * step)), v) for s in (1, -1)]
+                expected = (ends[0] - ends[1]) / (2 * h)
+                size = max(1.0, np.abs(expected).max())
+                np.testing.assert_allclose(by.by_coordinates[:, k], expected, rtol=0, atol=1e-7 * size)
+                ends = [way(q, v + s * step) for s in (1, -1)]
+                expected = (ends[0] - ends[1]) / (2 * h)
+                size = max(1.0, np.abs(expected).max())
+                np.testing.assert_allclose(by.by_speeds[:, k], expected, rtol=0, atol=1e-7 * size)
 
 
 def test_many_samples_compiled_ones_and_one_are_the_same():
