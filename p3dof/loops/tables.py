@@ -151,7 +151,7 @@ def bushings_table(loop: LoopModel) -> Table:
 def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math.nan) -> Table:
     """Return what matters of a robot in numbers."""
     model = loop.model
-    mass = sum(inertia.mass for inertia in model.inertias)
+    mass = sum(inertia.mass for inertia in list(model.inertias)[1:])  # the first stands still
     rows: list[tuple[str, str]] = [
         ("joints", str(model.njoints - 1)),
         ("degrees of freedom of the tree", str(model.nv)),

@@ -414,6 +414,12 @@ def test_files_of_a_robot_give_it_back(tmp_path):
             contents(loop, tmp_path / file)
 
 
+def test_a_sidecar_that_tells_those_of_the_file_again_does_not_double_them():
+    loop = loaded(*ALL)
+    again = p3dof.load_robot(text(*ALL), loop.sidecar)
+    assert again.sidecar.bushings == loop.sidecar.bushings
+
+
 def test_a_bushing_between_two_bodies_of_which_none_moves_is_none():
     loop = loaded(*ALL).lock(["shoulder", "elbow"])
     assert [bushing.title for bushing in loop.sidecar.bushings] == ["bushing_1", "bushing_3"]

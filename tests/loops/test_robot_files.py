@@ -38,6 +38,7 @@ from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof.loops import Closure, Coupling, Sidecar, xml_text
 from p3dof.loops.formats import urdf, urdf_loops
 from p3dof.loops.robots import load_robot
+from p3dof.loops.tables import facts_table
 from p3dof.loops.trees import with_joints
 
 POSE, VELOCITY, ACCELERATION = (0.03, -0.04, 0.2), (0.2, 0.3, -1.0), (1.0, -2.0, 3.0)
@@ -764,6 +765,26 @@ def test_a_link_may_hang_on_a_world_that_nobody_declares(kind):
     np.testing.assert_allclose(*tau, rtol=1e-12)
     with pytest.raises(ModelError, match="expected one root link, got base, world"):
         load_robot(chain(robots.link("box") + robots.joint("foot", "world", "box", kind=kind)))
+
+
+def test_a_root_beside_the_world_may_be_free():
+    """As Drake has it: what the world carries stands still, and weighs nothing that moves."""
+    alone = load_robot(chain(), root_joint=pin.JointModelFreeFlyer())
+    floor = robots.link("floor", robots.ARM) + robots.joint("weld", "world", "floor", kind="fixed")
+    beside = load_robot(chain(floor), root_joint=pin.JointModelFreeFlyer())
+    assert list(beside.model.names) == list(alone.model.names)
+    q = pin.randomConfiguration(alone.model, np.full(alone.model.nq, -1.0), np.ones(alone.model.nq))
+    v, a = np.random.default_rng(1).random((2, alone.model.nv))
+    tau = [pin.rnea(robot.model, robot.model.createData(), q, v, a) for robot in (alone, beside)]
+    np.testing.assert_allclose(*tau, rtol=0, atol=1e-12)
+    mass = [dict(facts_table(robot).rows)["moving mass"] for robot in (alone, beside)]
+    assert mass[0] == mass[1]
+    with pytest.raises(
+        ModelError, match=r"got base, world; root_joint=pin\.JointModelFreeFlyer\(\) \(--floating\)"
+    ):
+        load_robot(chain(floor))
+    with pytest.raises(ModelError, match=r"expected one root link, got base, box, world$"):
+        load_robot(chain(floor + robots.link("box")), root_joint=pin.JointModelFreeFlyer())
 
 
 def test_a_loop_may_end_at_a_world_that_nobody_declares():

@@ -53,6 +53,7 @@ _PARTS = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", 
 """What Pinocchio is given of a file: of each the first, so that there may be no second."""
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _LIMITED = ("revolute", "prismatic")
+_FREE = "root_joint"  # joint of a root that is free, as Pinocchio calls it
 _LONG = 2000  # longest list in a message [characters]
 SHORT = 1e-9
 """Length of an axis below which its direction is rounding, if it has one; one may be as much too long."""
@@ -68,6 +69,8 @@ def build_tree(
     if not reader.links:
         raise ModelError(f"{source}: the robot has no links")
     _check_parts(reader, robot)
+    if isinstance(root_joint, pin.JointModelFreeFlyer) and reader.free_root(robot):
+        root_joint = None
     _check_tree(reader)
     bare = _bare(robot)
     arguments = (bare,) if root_joint is None else (bare, root_joint)
@@ -142,6 +145,24 @@ class _LinkReader(XmlReader):
         if hung is not None and "world" not in self.links:
             self.links["world"] = hung.line
             Xml.SubElement(robot, "link", name="world")
+
+    @property
+    def roots(self) -> list[str]:
+        """Links that no joint moves."""
+        moved = {joint.child for joint in self.joints.values()}
+        return [link for link in self.links if link not in moved]
+
+    def free_root(self, robot: Xml.Element) -> bool:
+        """Join the one root beside ``world`` to it by a free joint, as in Drake; whether there is one."""
+        roots = self.roots
+        if len(roots) != 2 or "world" not in roots or _FREE in self.joints:
+            return False
+        root = roots[roots[0] == "world"]
+        element = Xml.SubElement(robot, "joint", name=_FREE, type="floating")
+        Xml.SubElement(element, "parent", link="world")
+        Xml.SubElement(element, "child", link=root)
+        self.joints[_FREE] = _Joint(_FREE, self.links[root], "floating", "world", root)
+        return True
 
     def _new(self, tag: str, attributes: dict[str, str], known: Collection[str]) -> None:
         name = attributes.get("name", "")
@@ -226,11 +247,13 @@ def _check_tree(reader: _LinkReader) -> None:
                 joint.line,
             )
         above[child] = joint
-    roots = [link for link in reader.links if link not in above]
+    roots = reader.roots
     if len(roots) > 1:
         names = one_line(", ".join(f"{root:.80}" for root in roots), _LONG)
+        beside = len(roots) == 2 and "world" in roots
+        help_ = "; root_joint=pin.JointModelFreeFlyer() (--floating) frees the other" if beside else ""
         line = reader.links[roots[1]]
-        raise ModelError(f"{reader.source}, line {line}: expected one root link, got {names}")
+        raise ModelError(f"{reader.source}, line {line}: expected one root link, got {names}{help_}")
     below: dict[str | None, list[str]] = {}
     for link, joint in above.items():
         below.setdefault(joint.parent, []).append(link)
@@ -395,11 +418,12 @@ def read(
         return model, _acting(model, _completed(model, found), passive, found)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
+    titles = {bushing.title for bushing in sidecar.bushings}  # of a sidecar that tells the file's again
     whole = replace(
         sidecar,
         closures=(*sidecar.closures, *found.closures),
         couplings=(*sidecar.couplings, *_new(found, sidecar)),
-        bushings=(*sidecar.bushings, *found.bushings),
+        bushings=(*sidecar.bushings, *(one for one in found.bushings if one.title not in titles)),
     )
     return model, _acting(model, whole, passive, found)
 
