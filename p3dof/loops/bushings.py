@@ -169,8 +169,7 @@ class Bushings:
     def derivatives(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the derivatives (nv, nv) of the forces of one state by small motions and by the speeds."""
         both, at = np.zeros((2, self._sizes[1], self._sizes[1])), self._places
-        values = self._evaluated("derivatives", q, v).reshape(2, len(at), len(at))
-        both[np.ix_((0, 1), at, at)] = values
+        both[np.ix_((0, 1), at, at)] = self._evaluated("derivatives", q, v).reshape(2, len(at), len(at))
         return both[0], both[1]
 
     def energy(self, q: FloatArray) -> FloatArray:
@@ -210,8 +209,7 @@ class Bushings:
     def regressor(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the matrix (nv, P) from the parameters to the forces against the bushings of one state."""
         found = np.zeros((self._sizes[1], len(self.parameters)))
-        columns = self._evaluated("regressor", q, v).reshape(-1, len(self._places))
-        found[self._places] = columns.T
+        found[self._places] = self._evaluated("regressor", q, v).reshape(-1, len(self._places)).T
         return found
 
     def _numbers(self, what: str) -> FloatArray:

@@ -447,14 +447,14 @@ def pair_of(where: str, pair: Any) -> tuple[str, str]:
     return pair[0], pair[1]
 
 
-def distinct(where: str, joints: Sequence[Any]) -> None:
+def distinct(where: str, names: Sequence[Any], what: str = "joint") -> None:
     """Refuse names of which two are the same."""
     seen: set[str] = set()
-    for index, joint in enumerate(joints):
-        checked_name(f"{where}[{index}]", joint)
-        if joint in seen:
-            raise ModelError(f"{where}[{index}]: the joint {shown(joint)} is named twice")
-        seen.add(joint)
+    for index, name in enumerate(names):
+        checked_name(f"{where}[{index}]", name)
+        if name in seen:
+            raise ModelError(f"{where}[{index}]: the {what} {shown(name)} is named twice")
+        seen.add(name)
 
 
 def _known_keys(
@@ -607,7 +607,8 @@ class Sidecar(Readable):
     Raises
     ------
     ModelError
-        If an entry has the wrong type, a joint is named or coupled twice, or couplings form a ring.
+        If an entry has the wrong type, a joint is named or coupled twice, couplings form a ring, or two
+        bushings have one name.
     """
 
     closures: tuple[Closure, ...]
@@ -634,6 +635,7 @@ class Sidecar(Readable):
         object.__setattr__(self, "reference", reference_of("reference", self.reference))
         object.__setattr__(self, "joints", tuple(pair_of("joints", pair) for pair in self.joints))
         distinct("joints", [name for name, _ in self.joints])
+        distinct("bushings", [bushing.title for bushing in self.bushings], "bushing")
         object.__setattr__(self, "joint_data", checked_data("joint_data", self.joint_data))
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -416,8 +416,14 @@ def test_files_of_a_robot_give_it_back(tmp_path):
 
 def test_a_sidecar_that_tells_those_of_the_file_again_does_not_double_them():
     loop = loaded(*ALL)
-    again = p3dof.load_robot(text(*ALL), loop.sidecar)
-    assert again.sidecar.bushings == loop.sidecar.bushings
+    told = tuple(
+        replace(one, stiffness=(1.0,) * 6, name=f"{one.name} softer") for one in loop.sidecar.bushings
+    )
+    again = p3dof.load_robot(text(*ALL), replace(loop.sidecar, bushings=told))
+    assert again.sidecar.bushings == told  # the sidecar goes before the file
+    other = replace(told[0], frames=loop.sidecar.bushings[0].frames[::-1], name="bushing_2")
+    with pytest.raises(ModelError, match=r"bushings\[2\]: the bushing 'bushing_2' is named twice"):
+        p3dof.load_robot(text(*ALL), replace(loop.sidecar, bushings=(other,)))
 
 
 def test_a_bushing_between_two_bodies_of_which_none_moves_is_none():

@@ -418,12 +418,12 @@ def read(
         return model, _acting(model, _completed(model, found), passive, found)
     if sidecar.joints:
         model = with_types(model, sidecar.joints, "sidecar")
-    titles = {bushing.title for bushing in sidecar.bushings}  # of a sidecar that tells the file's again
+    told_again = {bushing.frames for bushing in sidecar.bushings}
     whole = replace(
         sidecar,
         closures=(*sidecar.closures, *found.closures),
         couplings=(*sidecar.couplings, *_new(found, sidecar)),
-        bushings=(*sidecar.bushings, *(one for one in found.bushings if one.title not in titles)),
+        bushings=(*sidecar.bushings, *(one for one in found.bushings if one.frames not in told_again)),
     )
     return model, _acting(model, whole, passive, found)
 
