@@ -368,23 +368,23 @@ def parts_of(content: Mapping[str, Any], source: str) -> tuple[Any, ...]:
     distinct(f"{source}: joint_name", names)
     found = [_coupling(f"{source}: coupling[{i}]", entry) for i, entry in enumerate(couplings)]
     check_couplings(f"{source}: coupling", found)
+    acting = [
+        _entry(JointData, f"{source}: joint_data[{i}]", entry, "joint", _JOINT_DATA)
+        for i, entry in enumerate(data)
+    ]
+    between = [
+        _entry(Bushing, f"{source}: bushings[{i}]", entry, "frames", _BUSHING)
+        for i, entry in enumerate(bushings)
+    ]
+    distinct(f"{source}: bushings", [bushing.title for bushing in between], "bushing")
     return (
         tuple(closures),
         tuple(actuated),
         tuple(found),
         reference_of(f"{source}: reference", content.get("reference")),
         tuple(pair_of(f"{source}: joint_type", pair) for pair in zip(names, types, strict=True)),
-        checked_data(
-            f"{source}: joint_data",
-            [
-                _entry(JointData, f"{source}: joint_data[{i}]", entry, "joint", _JOINT_DATA)
-                for i, entry in enumerate(data)
-            ],
-        ),
-        tuple(
-            _entry(Bushing, f"{source}: bushings[{i}]", entry, "frames", _BUSHING)
-            for i, entry in enumerate(bushings)
-        ),
+        checked_data(f"{source}: joint_data", acting),
+        tuple(between),
     )
 
 

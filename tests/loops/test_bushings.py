@@ -513,6 +513,14 @@ def test_bad_bushings_are_one_clear_error(given, words):
     assert "\n" not in str(error.value)
 
 
+def test_two_of_one_name_are_told_with_their_file(tmp_path):
+    file = tmp_path / "two.yaml"
+    one = "{frames: [hand, foot], name: mount}"
+    file.write_text(f"{{closed_loop: [], type: [], name_mot: [], bushings: [{one}, {one}]}}")
+    with pytest.raises(ModelError, match=r"two\.yaml: bushings\[1\]: the bushing 'mount' is named twice"):
+        p3dof.load_robot(text(), file)
+
+
 def test_two_frames_on_one_body_are_named_with_the_line_of_the_file():
     with pytest.raises(
         ModelError, match=r"line \d+: <drake:linear_bushing_rpy>: expected two links that move"
