@@ -155,9 +155,9 @@ TESTS = {
     ),
     "p3dof/loops/compiled/adaptive.py": ("robot_runs_in_c", "compiled_loops"),
     "p3dof/loops/compiled/run": ("reported_errors", "compiled_runs", "robot_runs_in_c"),
-    "p3dof/loops/compiled/settling.py": ("compiled_runs", "robot_runs_in_c"),
     "p3dof/loops/compiled/solutions.py": ("compiled_loops", "following"),
-    "p3dof/loops/compiled/following.py": ("compiled_loops", "compiled_runs"),
+    "p3dof/loops/compiled/following.py": ("compiled_loops", "compiled_runs", "robot_runs_in_c"),
+    "p3dof/loops/transmission.py": ("transmission",),
     "p3dof/loops/compliance.py": ("elastic_reactions",),
     "p3dof/loops/coordinates.py": (
         *KINDS,

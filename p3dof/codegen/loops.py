@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,10 @@ from p3dof.loops.compiled.formulas import EVIDENCE, MARGIN, MARGIN_OF_STATES
 from p3dof.loops.compiled.function import Function
 from p3dof.loops.compiled.functions import FUNCTIONS
 from p3dof.loops.compiled.printing import body
+from p3dof.loops.compiled.printing import fill as core_of
 from p3dof.loops.compiled.robot import closed_configurations
 from p3dof.loops.tables import units_of_actuated
+from p3dof.loops.transmission import MAPS, Transmission, mapping_text
 
 _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
@@ -40,37 +43,51 @@ class _State:
     tau: FloatArray
 
 
+class _Case(NamedTuple):
+    """What the self-test calls: rows of numbers that go in, and that come out, in groups."""
+
+    name: str
+    given: FloatArray
+    expected: FloatArray
+    sizes: list[int]  # of the groups of results that are compared
+    results: int  # how many numbers come out at most
+    run: str  # C that calls it
+
+
 def selftest(
-    robot: ClosedLoopModel, compiled: CompiledLoop, prefix: str, functions: Sequence[Function], follows: bool
+    robot: ClosedLoopModel, compiled: CompiledLoop, printer: LoopPrinter, functions: Sequence[Function]
 ) -> dict[str, str]:
     """Return what the template of the self-test is filled with; text by placeholder."""
-    states = _states(robot, compiled)
-    tables, runs, rows = [], [], []
+    states, prefix, cases = _states(robot, compiled), printer.prefix, list[_Case]()
     for function in functions:
         given, expected, sizes = _table(robot, compiled, function, states)
-        tables += [
-            number_table(f"in_{function.name}[{len(given)}][{given.shape[1]}]", given),
-            number_table(f"out_{function.name}[{len(given)}][{expected.shape[1]}]", expected),
-        ]
-        runs.append(_run(prefix, function))
-        rows.append(
-            f'{INDENT}{{"{function.name}", run_{function.name}, in_{function.name}[0], '
-            f"out_{function.name}[0], {given.shape[1]}, {expected.shape[1]}, {len(function.results)}, "
-            f"{{{groups(sizes, 6)}}}}},"
-        )
+        run = _run(prefix, function)
+        cases.append(_Case(function.name, given, expected, sizes, len(function.results), run))
+    if printer.maps is not None:
+        cases += printer.maps.cases([state.q for state in states])
+    tables = [
+        number_table(f"{way}_{case.name}[{len(rows)}][{rows.shape[1]}]", rows)
+        for case in cases
+        for way, rows in (("in", case.given), ("out", case.expected))
+    ]
+    rows = [
+        f'{INDENT}{{"{case.name}", run_{case.name}, in_{case.name}[0], out_{case.name}[0], '
+        f"{case.given.shape[1]}, {case.expected.shape[1]}, {case.results}, {{{groups(case.sizes, 6)}}}}},"
+        for case in cases
+    ]
     return {
         "prefix": prefix,
         "PREFIX": prefix.upper(),
         "count": str(len(states)),
-        "functions": str(len(functions)),
-        "inputs": str(max(len(function.symbols) for function in functions)),
-        "results": str(max(len(function.results) for function in functions)),
+        "functions": str(len(cases)),
+        "inputs": str(max(case.given.shape[1] for case in cases)),
+        "results": str(max(case.results for case in cases)),
         "tolerance": repr(_TOLERANCE),
         "tables": "\n\n".join(tables),
-        "runs": "\n".join(runs),
+        "runs": "\n".join(case.run for case in cases),
         "rows": "\n".join(rows),
-        "follow": _follow(robot, prefix, functions) if follows else "",
-        "follows": str(int(follows)),
+        "follow": _follow(robot, prefix, functions) if printer.follows else "",
+        "follows": str(int(printer.follows)),
     }
 
 
@@ -185,7 +202,16 @@ def _value(robot: ClosedLoopModel, q: FloatArray, name: str) -> float:
     return float(np.arctan2(q[at + 1], q[at]) if robot.model.nqs[joint] == 2 else q[at])
 
 
-_STATUSES = ("OK", "NULL_POINTER", "NOT_FINITE", "SINGULAR", "OPEN", "INCONSISTENT", "BEYOND_LIMITS")
+_STATUSES = (
+    "OK",
+    "NULL_POINTER",
+    "NOT_FINITE",
+    "SINGULAR",
+    "OPEN",
+    "INCONSISTENT",
+    "BEYOND_LIMITS",
+    "UNREACHED",
+)
 _METHODS = """
     /** Begins to follow a motion about at a configuration, whose loops it closes; returns a status. */
     start(q) {
@@ -218,6 +244,242 @@ _TEXTS = {
 }
 
 
+_CALLS = {
+    "joint_to_actuator_forces": (
+        "actuator",
+        "forces",
+        "Forces of the actuators with the power of those of the coordinates.",
+    ),
+    "actuator_to_joint_forces": (
+        "joint",
+        "forces",
+        "Forces of the coordinates with the power of those of the actuators.",
+    ),
+    "joint_to_actuator_gains": (
+        "actuator",
+        "gains",
+        "Gains of the actuators that act like those of the coordinates, which bear forces.",
+    ),
+    "actuator_to_joint_gains": (
+        "joint",
+        "gains",
+        "Gains that those of the actuators, which bear forces, give the coordinates.",
+    ),
+    "joint_dynamics": (
+        "joint",
+        "dynamics",
+        "Inertia of the whole, and forces for a motion, in the coordinates.",
+    ),
+    "actuator_dynamics": (
+        "actuator",
+        "dynamics",
+        "Inertia of the whole, and forces for a motion, in the actuators.",
+    ),
+    "linkage_dynamics": (
+        "bare",
+        "dynamics",
+        "The same in the coordinates, of all that their own joints' bodies are without.",
+    ),
+}
+"""What maps forces and gains where a transmission is: its direction, its function there, what it gives."""
+_MAPS = {
+    "joint": "Motion of the actuators for one of the coordinates, at rest where it is NULL; moves on there.",
+    "actuator": "Motion of the coordinates for one of the actuators, likewise.",
+}
+
+
+class TransmissionPrinter:
+    """The parts of a robot's C that map between coordinates and actuators."""
+
+    def __init__(self, transmission: Transmission[ClosedLoopModel], prefix: str) -> None:
+        self.transmission, self._p, self._P = transmission, prefix, prefix.upper()
+        self._n, self._nq = len(transmission.coordinates), transmission.robot.model.nq
+        self._calls = {
+            name: replace(getattr(transmission, side).function(kind), name=name)
+            for name, (side, kind, _) in _CALLS.items()
+        }
+        self._steps = [
+            replace(getattr(transmission, side).function(kind), name=f"{side}_{kind}")
+            for side in _MAPS
+            for kind in MAPS
+        ]
+        self.functions = [*self._steps, *self._calls.values()]
+
+    def declarations(self) -> str:
+        """Return the struct, and what works with it."""
+        maps = [f"/** {text} */\n{self._map_head(side)};\n" for side, text in _MAPS.items()]
+        maps += [f"/** {text} */\n{self._call_head(name)};\n" for name, (*_, text) in _CALLS.items()]
+        sides = self.transmission.coordinates, self.transmission.actuators
+        names = dict(zip(("coordinates", "actuators"), (", ".join(side) for side in sides), strict=True))
+        return fill("loop_transmission_header.in", **self._shared, **names, maps="\n".join(maps))
+
+    @property
+    def _shared(self) -> dict[str, str]:
+        return {"prefix": self._p, "PREFIX": self._P, "n": str(self._n), "nq": str(self._nq)}
+
+    def definitions(self) -> str:
+        """Return the functions."""
+        step = self._steps[1]
+        shared = {**self._shared, "results": str(len(step.results))}
+        statuses = {"unreached": f"{self._P}_UNREACHED", "singular": f"{self._P}_SINGULAR"}
+        maps = [
+            core_of(
+                "transmission.in",
+                **mapping_text(self.transmission, side),
+                **statuses,
+                compute="compute_",
+                one="",
+            )
+            for side in _MAPS
+        ]
+        maps += [
+            fill("loop_map.in", **shared, head=f"{self._map_head(side)}", side=side, other=other)
+            for side, other in zip(_MAPS, [*_MAPS][::-1], strict=True)
+        ]
+        limits = {name: ", ".join(map(repr, row)) for name, row in self._limits().items()}
+        own = fill(
+            "loop_transmission.in",
+            **shared,
+            **limits,
+            inputs=str(len(step.symbols)),
+            closed=repr(step.closed),
+            least=repr(step.least_margin),
+            home=", ".join(map(repr, self.transmission.home.tolist())),
+            maps="\n".join(maps),
+        )
+        return "\n".join([*map(self._call, _CALLS), own])
+
+    def rows(self) -> list[str]:
+        """Return what the README has of them."""
+        rows = [
+            f"| `{self._p}_{self._map_row(side).name}` | {function.operations} | {text} |"
+            for (side, text), function in zip(_MAPS.items(), self._steps[1::2], strict=True)
+        ]
+        rows += [
+            f"| `{self._p}_{name}` | {self._calls[name].operations} | {text} |"
+            for name, (*_, text) in _CALLS.items()
+        ]
+        return rows
+
+    def cases(self, configurations: Sequence[FloatArray]) -> list[_Case]:
+        """Return what the self-test calls at closed configurations, of which it moves a little."""
+        found = [self._map_case(side, configurations) for side in _MAPS]
+        for name, function in self._calls.items():
+            rows = np.array(
+                [
+                    np.concatenate([q, 10.0 * np.cos(np.arange(len(function.symbols) - self._nq) + i)])
+                    for i, q in enumerate(configurations)
+                ]
+            )
+            sizes = [one.size for one in self._call_row(name).outputs[:-1]]
+            expected = np.array([function.on_arrays(*row)[: sum(sizes)] for row in rows], dtype=float)
+            run = self._run_text(
+                self._call_row(name), f"memcpy(state.q, in, {self._nq} * sizeof *in);", self._nq
+            )
+            found.append(_Case(name, rows, expected, sizes, len(function.results), run))
+        return found
+
+    def _map_case(self, side: str, configurations: Sequence[FloatArray]) -> _Case:
+        """Return a direction, whose results are those of the general layer."""
+        robot, n, given, expected = self.transmission.robot, self._n, [], []
+        values = [getattr(self.transmission, one).settle.values for one in _MAPS]
+        own, other = (getattr(self.transmission, one).names for one in (side, *set(_MAPS) - {side}))
+        index = {str(name): int(robot.model.idx_vs[i]) for i, name in enumerate(robot.model.names)}
+        for i, q in enumerate(configurations):
+            at = [one(q[None])[0] for one in values]
+            motion = [
+                at[[*_MAPS].index(side)] + 0.02 * np.cos(np.arange(n) + i),
+                np.cos(np.arange(n) - i),
+                np.sin(np.arange(n) + i),
+            ]
+            target = dict(zip(own, motion[0].tolist(), strict=True))
+            state = robot.complete(target, motion[1], motion[2], guess=q)
+            rates = [[x[index[name]] for name in other] for x in (state.v, state.a)]
+            given.append(np.concatenate([q, *at, *motion]))
+            expected.append(np.concatenate([values[1 - [*_MAPS].index(side)](state.q[None])[0], *rates]))
+        fields = ("q", "joint", "actuator")
+        places = (0, self._nq, self._nq + n)
+        copied = " ".join(
+            f"memcpy(state.{one}, &in[{place}], sizeof state.{one});"
+            for one, place in zip(fields, places, strict=True)
+        )
+        run = self._run_text(self._map_row(side), copied, self._nq + 2 * n)
+        return _Case(self._map_row(side).name, np.array(given), np.array(expected), [n] * 3, 3 * n, run)
+
+    def _run_text(self, row: Prototype, state: str, place: int) -> str:
+        """Return what calls a function from a row of numbers into another, perhaps with a NULL."""
+        inputs, outputs = [], []
+        for one in row.inputs:
+            inputs.append(f"&in[{place}]")
+            place += one.size
+        place = 0
+        for one in row.outputs[:-1]:
+            outputs.append(f"&out[{place}]")
+            place += one.size
+        outputs[0] = f"(missing == 2) ? NULL : {outputs[0]}"
+        call = f",\n{2 * INDENT}".join(["(missing == 1) ? NULL : &state", *inputs, *outputs, "NULL"])
+        head = f"static {self._p}_status run_{row.name}(const double *in, double *out, int missing)"
+        lines = [f"{self._p}_transmission state;", "memset(&state, 0, sizeof state);", state]
+        return definition(head, [*lines, f"return {self._p}_{row.name}(\n{2 * INDENT}{call});"])
+
+    def _limits(self) -> dict[str, list[float]]:
+        model, endless = self.transmission.robot.model, sys.float_info.max
+        places = list(self.transmission.actuator.followed)
+        upper, lower = np.array(model.upperEffortLimit)[places], np.array(model.lowerEffortLimit)[places]
+        return {
+            "upper": np.clip(upper, sys.float_info.min, endless).tolist(),
+            "lower": np.clip(lower, -endless, -sys.float_info.min).tolist(),
+        }
+
+    def _map_head(self, side: str) -> str:
+        return self._map_row(side).head(self._p, [f"{self._p}_transmission *state"], 110)
+
+    def _map_row(self, side: str) -> Prototype:
+        n = (self._n,)
+        given = tuple(Argument(name, shape=n) for name in ("position", "velocity", "acceleration"))
+        found = tuple(Argument(f"{one.name}_out", shape=n) for one in given)
+        name = "_to_".join(_MAPS if side == "joint" else [*_MAPS][::-1])
+        return Prototype(name, given, (*found, _TOLD))
+
+    def _call_row(self, name: str) -> Prototype:
+        function = self._calls[name]
+        optional = {"velocity", "acceleration"} | ({"forces"} if "stiffness" in function.inputs else set())
+        words = {"v": "velocity", "a": "acceleration"}
+        taken = [(words.get(one, one), size) for one, size in function.inputs.items() if one != "q"]
+        given = tuple(Argument(one, shape=(size,), optional=one in optional) for one, size in taken)
+        clash = {one for one, _ in taken}
+        found = tuple(
+            Argument(f"{one}_out" if one in clash else one, shape=(size,))
+            for one, size in function.outputs.items()
+            if one not in EVIDENCE
+        )
+        return Prototype(name, given, (*found, _TOLD))
+
+    def _call_head(self, name: str) -> str:
+        return self._call_row(name).head(self._p, [f"const {self._p}_transmission *state"], 110)
+
+    def _call(self, name: str) -> str:
+        function, row, P = self._calls[name], self._call_row(name), self._P
+        size, place = len(function.results), self._nq
+        lines = [f"double given[{len(function.symbols)}], found[{size}];", f"{self._p}_status status;"]
+        lines += leave(" || ".join(f"({one} == NULL)" for one in ["state", *row.needed]), f"{P}_NULL_POINTER")
+        lines += ["memset(given, 0, sizeof given);", f"copy(given, state->q, {place}U);"]
+        for one in row.inputs:
+            copied = f"copy(&given[{place}], {one.name}, {one.size}U);"
+            lines += [f"if ({one.name} != NULL) {{", f"{INDENT}{copied}", "}"] if one.optional else [copied]
+            place += one.size
+        lines += leave(f"!all_finite(given, {place}U)", f"{P}_NOT_FINITE")
+        lines.append(f"compute_{name}(given, found);")
+        numbers = f"{function.closed!r}, {function.least_margin!r}"
+        lines.append(f"status = judged(found, {size}U, {numbers}, evidence);")
+        lines += leave(f"status != {P}_OK", "status")
+        place = 0
+        for one in row.outputs[:-1]:
+            lines.append(f"copy({one.name}, &found[{place}], {one.size}U);")
+            place += one.size
+        return definition(self._call_head(name), [*lines, f"return {P}_OK;"])
+
+
 class LoopPrinter:
     """The parts of a robot's C that its functions make."""
 
@@ -228,9 +490,11 @@ class LoopPrinter:
         prefix: str,
         functions: Sequence[Function],
         note: str,
+        transmission: Transmission[ClosedLoopModel] | None = None,
     ) -> None:
         self.robot, self.compiled, self.prefix, self.functions = robot, compiled, prefix, functions
         self.note = note
+        self.maps = None if transmission is None else TransmissionPrinter(transmission, prefix)
         names = {function.name for function in functions}
         self.follows = compiled.determined and names >= set(FOLLOWING)
 
@@ -254,17 +518,22 @@ class LoopPrinter:
         declared = [self._declared(function) for function in self.functions]
         if self.follows:
             declared.append(self._follow_declared())
+        if self.maps is not None:
+            declared.append(self.maps.declarations())
         shared = self._shared
         told = "\n".join(f" * {line}".rstrip() for line in self._orders())
         return fill("loop_header.in", **shared, told=told, declarations="\n".join(declared))
 
     def source(self) -> str:
         """Return the functions."""
-        used = {f.tape.operations[i].name for f in self.functions for i in f.tape.needed(f.results)}
-        computed = "\n\n".join(_computation(function) for function in self.functions)
+        printed = [*self.functions, *(self.maps.functions if self.maps is not None else ())]
+        used = {f.tape.operations[i].name for f in printed for i in f.tape.needed(f.results)}
+        computed = "\n\n".join(_computation(function) for function in printed)
         calls = [self._call(function) for function in self.functions]
         if self.follows:
             calls.append(self._following())
+        if self.maps is not None:
+            calls.append(self.maps.definitions())
         return fill(
             "loop_source.in",
             **self._shared,
@@ -294,6 +563,8 @@ class LoopPrinter:
                 f"Start at a configuration, and follow a motion of the motors, {STEPS} steps of Newton each."
             )
             rows.append(f"| `{self.prefix}_start`, `{self.prefix}_follow` | | {text} |")
+        if self.maps is not None:
+            rows += self.maps.rows()
         robot, q = self.robot, self.robot.assemble().q
         return fill(
             "loop_readme.in",
@@ -507,24 +778,34 @@ def loop_files(
     inertias: Iterable[str] = (),
     command: str = "",
     cpu: str = CPU,
+    coordinates: Iterable[str] | None = None,
+    actuators: Iterable[str] | None = None,
 ) -> LoopCode:
-    """Return the C of a robot's dynamics."""
+    """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
     if not robot.model.nv:
         raise ModelError("robot: expected one with joints, this one has none: nothing moves")
+    transmission = None
+    if coordinates is not None:
+        transmission = robot.transmission(coordinates, actuators, "numpy")
+        robot = transmission.robot
+    elif actuators is not None:
+        raise InputError("actuators: expected coordinates, too, whose actuators they are")
     compiled = robot.compile(external=external, joint_forces=joint_forces, inertias=inertias, level="numpy")
     name = _prefix(robot, prefix)
-    chosen = [compiled.function(one) for one in _chosen(compiled, functions)]
+    wanted = [] if transmission is not None and functions is None else _chosen(compiled, functions)
+    chosen = [compiled.function(one) for one in wanted]
     note = origin(command or f"{MARK.split('`')[1]} --prefix {name}", f"robot {_fingerprint(robot)}", MARK)
-    printer = LoopPrinter(robot, compiled, name, chosen, note)
+    printer = LoopPrinter(robot, compiled, name, chosen, note, transmission)
     c = {
         f"{name}.h": printer.header(),
         f"{name}.c": printer.source(),
         f"{name}_selftest.c": fill(
-            "loop_selftest.in", note=note, **selftest(robot, compiled, name, chosen, printer.follows)
+            "loop_selftest.in", note=note, **selftest(robot, compiled, printer, chosen)
         ),
     }
     texts = with_build(c, note, name, cpu) | {"README.md": printer.readme()}
-    return LoopCode(texts, {one.name: one.operations for one in chosen}, printer.web())
+    every = [*chosen, *(printer.maps.functions if printer.maps is not None else ())]
+    return LoopCode(texts, {one.name: one.operations for one in every}, printer.web())
 
 
 def _prefix(robot: ClosedLoopModel, prefix: str | None) -> str:

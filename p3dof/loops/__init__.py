@@ -22,6 +22,7 @@ Where to look, from what a user has to what is computed:
   and files. Behind them stand a robot in one unit of length (`closed_tree`), the modules above, and
   `compiled.kept` (``method="compiled"``); `units` serves robots much smaller or larger than a
   metre, and is the only place where numbers change their unit;
+- from joints to the actuators behind linkages: `transmission`;
 - many samples: `batch`; in C: `compiled`, with the simulations that `p3dof.runs` makes.
 """
 
@@ -56,6 +57,13 @@ from p3dof.loops.regressor import BaseParameters, LoopRegressor
 from p3dof.loops.results import ForwardDynamics, HybridDynamics, InverseDynamics
 from p3dof.loops.robots import load_robot
 from p3dof.loops.sidecar import Closure, Coupling, JointData, MotorSide, Sidecar
+from p3dof.loops.transmission import (
+    BoundDirection,
+    ForceLimits,
+    MappedMotion,
+    ReflectedDynamics,
+    Transmission,
+)
 
 __all__ = [
     "Assembly",
@@ -66,6 +74,7 @@ __all__ = [
     "BatchReactions",
     "BatchStates",
     "BodyEnergies",
+    "BoundDirection",
     "Bushing",
     "ByForces",
     "ByMotion",
@@ -77,6 +86,7 @@ __all__ = [
     "CompiledDynamics",
     "CompiledLoop",
     "Coupling",
+    "ForceLimits",
     "ForwardDynamics",
     "ForwardDynamicsDerivatives",
     "FrameJacobian",
@@ -90,12 +100,15 @@ __all__ = [
     "JointData",
     "JointReactions",
     "LoopRegressor",
+    "MappedMotion",
     "MinimalDynamics",
     "MotorSide",
     "ReactionSolver",
+    "ReflectedDynamics",
     "Sidecar",
     "SingularityMargins",
     "State",
+    "Transmission",
     "beam",
     "load_robot",
     "reactions_batch",

@@ -269,11 +269,15 @@ class LoopModel:
                 gap = min(gap, error.gap)
                 continue
             if (np.abs(pin.difference(model, guess, q)) <= near)[freedoms].all():
-                places = zip(list(model.names)[1:], list(model.joints)[1:], strict=True)
-                reference = {str(name): q[j.idx_q : j.idx_q + j.nq] for name, j in places}
-                return type(self)(model.copy(), replace(self.sidecar, reference=reference))
+                return self._with_reference(q)
         told = ", ".join(f"{name}={value:.4g}" for name, value in wanted.items())
         raise AssemblyError(f"around: the loops do not close at {told}: {gap:.3g} m or rad is left", gap)
+
+    def _with_reference(self, q: FloatArray) -> Self:
+        """Return the robot with another reference configuration."""
+        places = zip(list(self.model.names)[1:], list(self.model.joints)[1:], strict=True)
+        reference = {str(name): q[j.idx_q : j.idx_q + j.nq] for name, j in places}
+        return type(self)(self.model.copy(), replace(self.sidecar, reference=reference))
 
     def closure_error(self, q: ArrayLike) -> FloatArray:
         """Return how far each closure is open, and how far off each coupling is.

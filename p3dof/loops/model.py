@@ -10,10 +10,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from typing_extensions import Self
 
 from p3dof._base.checks import FloatArray, as_floats, checked_array, frozen_array
 from p3dof._base.errors import AssemblyError, InputError, P3dofError
@@ -29,12 +30,15 @@ from p3dof.loops.batch.dynamics import (
 )
 from p3dof.loops.closed_tree import Asked, External, Loads
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
+from p3dof.loops.compiled.following import Settler
 from p3dof.loops.compiled.kept import ENOUGH, Method, chosen, compiled_for
-from p3dof.loops.compiled.settling import Settler
 from p3dof.loops.coordinates import rounding
 from p3dof.loops.hybrid import ByName, by_name, joint_freedoms
 from p3dof.loops.linear import BoolArray, IndexArray
 from p3dof.loops.loop_model import LoopModel
+
+if TYPE_CHECKING:
+    from p3dof.loops.transmission import Transmission
 
 
 class _Acting(NamedTuple):
@@ -715,6 +719,35 @@ class ClosedLoopModel(LoopModel):
             If an argument does not fit.
         """
         return CompiledLoop(self, around, external, joint_forces, inertias, level, threads)
+
+    def transmission(
+        self, coordinates: Iterable[str], actuators: Iterable[str] | None = None, level: str = "auto"
+    ) -> Transmission[Self]:
+        """Return how coordinates, and the actuators behind the linkages, move and load each other.
+
+        Positions, velocities, accelerations, forces, gains of controllers, reflected inertia, both ways:
+        what a policy in joint space needs where motors are behind linkages.
+
+        Parameters
+        ----------
+        coordinates : iterable of str
+            Joints with one degree of freedom, as ``("ankle_pitch", "ankle_roll")``.
+        actuators : iterable of str, optional
+            As many actuated joints; by default all those of the linkage.
+        level : str
+            As of `compile`.
+
+        Raises
+        ------
+        ModelError
+            If a joint does not exist or has several degrees of freedom, if there are not as many actuators as
+            coordinates, or one side does not determine the other.
+        AssemblyError
+            If the loops do not close at the reference configuration.
+        """
+        from p3dof.loops.transmission import Transmission
+
+        return Transmission(self, coordinates, actuators, level)
 
     def compiled_for(
         self,

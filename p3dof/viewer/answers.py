@@ -11,8 +11,8 @@ from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import ClosedLoopModel, CompiledLoop
 from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.compiled.following import Settler
 from p3dof.loops.compiled.kept import Method, method_of
-from p3dof.loops.compiled.settling import Settler
 from p3dof.loops.tables import joint_values
 from p3dof.viewer.document.document import values_of
 from p3dof.viewer.document.motion import JointMotion, held

@@ -17,6 +17,7 @@ OPTIONS = r"""
 --actuator-force | JOINT=FORCE | (With --simulate: c|C)onstant force of an actuated joint
 --algorithm | choice | (SLSQP|Epsilon-constraint)
 --animation | flag | Embed the page with the
+--actuators | text | Actuators behind --coordinates
 --any-size | flag | Accept a machine larger than
 --armature | NUMBER[,B,C] | Armature
 --around | JOINT=VALUE,... | Positions of joints
@@ -30,6 +31,7 @@ OPTIONS = r"""
 --closure-forces | flag | Show the closure forces
 --compute | choice | Also compute this
 --controller | choice | PD control
+--coordinates | text | Joints, with commas
 --counterbalance | NUMBER[,B,C] | Counterbalance force on the sliders
 --cpu | text | Processor that the Makefile compiles
 --cuda | flag | Also CUDA C\+\+

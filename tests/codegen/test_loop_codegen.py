@@ -38,10 +38,12 @@ def written(tmp_path_factory):
         "leg": {},
         "gripper": {"functions": ["inverse_dynamics", "tangent_of_forces", "motion", "step", "integrate"]},
         "stewart": {"external": ["platform"], "joint_forces": True, "inertias": ["platform_free"]},
+        "ankle": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "ankle"},
     }
     for name, options in jobs.items():
         (base / name).mkdir()
-        for file, text in loop_files(gallery(name), **options).files.items():
+        robot = gallery("leg" if name == "ankle" else name)
+        for file, text in loop_files(robot, **options).files.items():
             (base / name / file).write_text(text, encoding="utf-8")
     return base
 
@@ -56,7 +58,7 @@ def test_a_robot_with_a_singular_reference_is_tested_beside_it(tmp_path):
 
 
 @each_c
-@pytest.mark.parametrize("name", ["five_bar", "leg", "gripper", "stewart"])
+@pytest.mark.parametrize("name", ["five_bar", "leg", "gripper", "stewart", "ankle"])
 def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name, compiler):
     folder = shutil.copytree(written / name, tmp_path / name)
     ways = (compiler, "-std=c99", "-O2"), (CPP[compiler], "-xc++ -std=c++11", "-O0")
@@ -75,7 +77,9 @@ def test_it_compiles_without_a_warning_and_is_right(written, tmp_path, name, com
 
 
 @each_c
-@pytest.mark.parametrize("name", [pytest.param("five_bar", marks=pytest.mark.slow), "gripper"])
+@pytest.mark.parametrize(
+    "name", ["gripper", *(pytest.param(x, marks=pytest.mark.slow) for x in ("five_bar", "ankle"))]
+)
 def test_random_bytes_are_survived(written, tmp_path, name, compiler):
     folder = shutil.copytree(written / name, tmp_path / name)
     flags = "-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
@@ -102,7 +106,9 @@ def of_small(folder, name, flags, calls):
     assert f"{calls} calls of each function" in done.stdout
 
 
-@pytest.mark.parametrize("name", ["five_bar", pytest.param("gripper", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["five_bar", *(pytest.param(x, marks=pytest.mark.slow) for x in ("gripper", "ankle"))]
+)
 def test_it_is_right_on_small_processors(written, tmp_path, name, small):
     of_small(shutil.copytree(written / name, tmp_path / name), name, small, 2_000)
 
@@ -113,12 +119,18 @@ def test_large_ones_are_right_on_small_processors(written, tmp_path, name, small
     of_small(shutil.copytree(written / name, tmp_path / name), name, small, 20_000)
 
 
-def test_the_self_test_notices_a_wrong_number(written, tmp_path):
-    folder = shutil.copytree(written / "five_bar", tmp_path / "broken")
-    source = folder / "five_bar.c"
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [
+        ("five_bar", r"9\.81\d*", "9.82"),
+        ("ankle", r"circle\[i\] \? cos\(x\) : x", "circle[i] ? cos(x) : (x + 1e-6)"),
+    ],
+)
+def test_the_self_test_notices_a_wrong_number(written, tmp_path, name, right, wrong):
+    folder = shutil.copytree(written / name, tmp_path / "broken")
+    source = folder / f"{name}.c"
     text = source.read_text(encoding="utf-8")
-    gravity = re.search(r"9\.81\d*", text)
-    source.write_text(text.replace(gravity[0], "9.82"), encoding="utf-8")
+    source.write_text(text.replace(re.search(right, text)[0], wrong), encoding="utf-8")
     done = make(folder, "check", f"CC={CC}")
     assert done.returncode != 0
     assert "error beyond the tolerance" in done.stdout
@@ -133,6 +145,67 @@ def library(folder, name):
 
 def pointer(array):
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+class AnkleState(ctypes.Structure):
+    _fields_ = (
+        ("q", ctypes.c_double * 12),
+        ("joint", ctypes.c_double * 2),
+        ("actuator", ctypes.c_double * 2),
+    )
+
+
+def test_a_transmission_keeps_its_branch_and_says_how_a_call_ended(written):
+    """A policy's loop: motion of the motors to that of the joints, its forces and gains back."""
+    c, state = library(written / "ankle", "ankle"), AnkleState()
+    one = gallery("leg").transmission(["ankle_pitch", "ankle_roll"])
+    rng, numbers = np.random.default_rng(0), np.zeros
+    assert c.ankle_transmission_start(ctypes.byref(state), None) == 0
+    np.testing.assert_allclose(list(state.q), one.home, rtol=0, atol=0)
+    y, speed, tau, share = numbers(2), numbers(2), numbers(2), numbers(1)
+    x, found, evidence = np.array(list(state.joint)), [numbers(2) for _ in range(3)], numbers(2)
+    for _ in range(50):
+        x, v, f = x + rng.uniform(-0.02, 0.02, 2), rng.normal(size=2), 10 * rng.normal(size=2)
+        at = ctypes.byref(state)
+        assert (
+            c.ankle_joint_to_actuator(
+                at, pointer(x), pointer(v), None, pointer(y), pointer(speed), None, None
+            )
+            == 0
+        )
+        there = one.joint_to_actuator(x, v)
+        np.testing.assert_allclose([y, speed], [there.position, there.velocity], rtol=0, atol=1e-12)
+        back = (pointer(z) for z in (y, speed, numbers(2), *found, evidence))
+        assert c.ankle_actuator_to_joint(at, *back) == 0
+        np.testing.assert_allclose(found[:2], [x, v], rtol=0, atol=1e-12)
+        assert evidence[0] > 0.5
+        assert evidence[1] < 1e-12
+        assert c.ankle_joint_to_actuator_forces(at, pointer(f), pointer(tau), None) == 0
+        np.testing.assert_allclose(tau, one.actuator_forces(there.q, f), rtol=0, atol=1e-11)
+        assert c.ankle_force_share(at, pointer(f), pointer(share)) == 0
+        assert share[0] == pytest.approx(np.abs(tau).max() / 60.0, rel=1e-12)  # N m, the limits of effort
+        K, D, Ky, Dy = np.diag([80.0, 60.0]), np.diag([2.0, 1.0]), numbers((2, 2)), numbers((2, 2))
+        for forces in (f, None):
+            given = (
+                pointer(K),
+                pointer(D),
+                None if forces is None else pointer(f),
+                pointer(Ky),
+                pointer(Dy),
+                None,
+            )
+            assert c.ankle_joint_to_actuator_gains(at, *given) == 0
+            np.testing.assert_allclose(
+                [Ky, Dy], one.actuator_gains(there.q, K, D, forces), rtol=0, atol=1e-10
+            )
+    before = bytes(state), y.copy()
+    for wrong, status in (((1.5, 0.0), 7), ((1e9, 0.0), 7), ((np.nan, 0.0), 2)):
+        given = pointer(np.array(wrong)), None, None, pointer(y), None, None, None
+        assert c.ankle_joint_to_actuator(ctypes.byref(state), *given) == status
+        assert (bytes(state), *y) == (before[0], *before[1])
+    assert c.ankle_force_share(ctypes.byref(state), pointer(f), None) == 1
+    assert c.ankle_transmission_start(ctypes.byref(state), pointer(one.home + 0.01)) == 4  # open
+    assert bytes(state) == before[0]
 
 
 def test_statuses_and_what_acts(written):

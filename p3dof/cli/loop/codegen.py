@@ -38,6 +38,14 @@ from p3dof.loops import ClosedLoopModel
     metavar="JOINT",
     help="Joint of a body whose inertial parameters are an argument, as for a payload.",
 )
+@click.option(
+    "--coordinates",
+    help="Joints, with commas: functions that map their motion, forces and gains to those of the actuators "
+    "behind their linkage, and back.",
+)
+@click.option(
+    "--actuators", help="Actuators behind --coordinates, with commas; all of the linkage by default."
+)
 @CPU
 @WASM
 @CHECK
@@ -51,14 +59,17 @@ def codegen(
     external: tuple[str, ...],
     joint_forces: bool,
     inertias: tuple[str, ...],
+    coordinates: str | None,
+    actuators: str | None,
     cpu: str,
     wasm: bool,
     check: bool,
     force: bool,
 ) -> int:
     """Generate C99 code of the dynamics of a robot, loop closures solved, with a self-test program."""
-    chosen = None if functions is None else [name.strip() for name in functions.split(",")]
-    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias, _command(), cpu)
+    lists = functions, coordinates, actuators
+    chosen, *ends = (None if one is None else [name.strip() for name in one.split(",")] for one in lists)
+    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias, _command(), cpu, *ends)
     job = Generated.of(code.files, out, MARK, WebFiles(code.web), wasm)
     if check:
         return print_check({out: job.differences()})
@@ -87,6 +98,8 @@ def _command() -> str:
         "--external": given["external"],
         "--joint-forces": given["joint_forces"],
         "--inertia": given["inertias"],
+        "--coordinates": given["coordinates"],
+        "--actuators": given["actuators"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
     }
     name = " ".join(["p3dof loop codegen", *(shlex.quote(file) for file in files if file)])

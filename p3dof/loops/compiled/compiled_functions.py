@@ -38,6 +38,7 @@ class CompiledFunctions:
         inertias: Iterable[str] = (),
         level: str = "auto",
         threads: int | None = None,
+        given: Sequence[int] | None = None,
     ) -> None:
         if level not in (*build.LEVELS, "numpy"):
             raise InputError(
@@ -54,7 +55,10 @@ class CompiledFunctions:
         self._loop, self._threads = (loop.copy(), thread_count(threads))
         start = _configurations(self._loop, around)
         self._around = start
-        self._robot = robot_of(self._loop, start, external, joint_forces, inertias)
+        self._robot = robot_of(self._loop, start, external, joint_forces, inertias, given)
+        self.followed: tuple[int, ...] = self._robot.independent if given is None else tuple(given)
+        """Places in v of the coordinates whose values give a configuration."""
+        self._given = self._robot.motors if given is None else self.followed
         names = coordinate_names(self._loop.model)
         self.independent: tuple[str, ...] = tuple(names[i] for i in self._robot.independent)
         """Coordinates whose speeds the others follow from: joints, or single freedoms such as ``base[2]``."""
@@ -166,12 +170,9 @@ class CompiledFunctions:
         return self.hybrid and len(self._robot.plan.pivots) == self._robot.kinematics.size
 
     def follow_places(self) -> list[tuple[int, bool, int]]:
-        """Return place in q, whether it turns without end, and motor of each independent coordinate."""
+        """Return place in q, whether it turns without end, and motor of each coordinate that is followed."""
         parts = {place: part for part in self._robot.tree.parts[1:] for place in part.v}
-        return [
-            (parts[i].q[0], parts[i].kind == "unbounded", self._robot.motors.index(i))
-            for i in self._robot.independent
-        ]
+        return [(parts[i].q[0], parts[i].kind == "unbounded", self._given.index(i)) for i in self.followed]
 
     @property
     def length(self) -> float:
@@ -180,9 +181,9 @@ class CompiledFunctions:
 
     @property
     def slides(self) -> list[bool]:
-        """Whether each independent coordinate is a length."""
+        """Whether each coordinate that is followed is a length."""
         parts = {place: part for part in self._robot.tree.parts[1:] for place in part.v}
-        return [parts[i].kind == "prismatic" for i in self._robot.independent]
+        return [parts[i].kind == "prismatic" for i in self.followed]
 
     def rows(self, name: str, inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return all outputs (N, size) of a function at many samples; nothing is checked.

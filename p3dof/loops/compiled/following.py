@@ -1,21 +1,24 @@
-"""`FollowingLoop`: the motion of a whole tree along one of its actuated joints, compiled."""
+"""Configurations and motions of a whole tree along those of its actuated joints, compiled."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import InputError, ModelError
 from p3dof._base.threads import in_threads, shares
+from p3dof.loops.assembly import CONTRACTION
 from p3dof.loops.closed_tree import External
 from p3dof.loops.compiled import build
 from p3dof.loops.compiled.compiled_functions import CompiledFunctions
+from p3dof.loops.compiled.formulas import MARGIN
 from p3dof.loops.compiled.function import SHARE, Function, pointers, sizes
 from p3dof.loops.compiled.printing import sweep_source
 from p3dof.loops.compiled.results import CompiledDynamics, with_general
@@ -224,3 +227,123 @@ class FollowingLoop(CompiledFunctions):
                 at = self._loop.assemble(target[place] + way * (k / min(ways, _MOST)), guess=at).q
             found[i], place = np.array(at), i
         return found
+
+
+_PIECE = 0.2  # longest way of a joint in one piece [rad, or share of the robot's unit of length]
+_PIECES = 64  # most pieces, as long as none is too long
+_SHORTEST = 1 / 64  # least part of a piece
+LARGEST_CORRECTION = 0.1  # largest first correction [m or rad]
+CONVERGING, CONVERGED = (
+    1e-8,
+    1e-13,
+)  # correction behind which the next one is rounding, and one that is [m or rad]
+_STEPS = 6  # most corrections of a piece
+_SPACINGS = (64, 8, 1)  # every how many samples are found first, and then in between those
+
+_Flags = NDArray[np.bool_]
+
+
+class Settled(NamedTuple):
+    """Configurations (N, nq), and which of them close the loops at their values (N,)."""
+
+    q: FloatArray
+    good: _Flags
+
+
+class Settler:
+    """Finds configurations at values of independent coordinates, the actuated joints or others.
+
+    A few of the samples go straight from where the assembly is known, in short pieces; the others from the
+    nearest one that is there already. Every piece must contract as Newton's method does near its solution,
+    and must not change the sign of the pivots: so that no sample leaves the assembly unnoticed.
+    """
+
+    def __init__(self, compiled: CompiledFunctions) -> None:
+        self._compiled = compiled
+        places = compiled.follow_places()
+        self._at = np.array([at for at, *_ in places], dtype=int)
+        self._circle = np.array([circle for _, circle, _ in places], dtype=bool)
+        self._longest = np.array(
+            [_PIECE * (compiled.length if slides else 1.0) for slides in compiled.slides]
+        )
+        independent = compiled.independent_places
+        self._columns = [independent.index(place) for place in compiled.followed]
+        self.order = np.array([motor for *_, motor in places], dtype=int)
+        """Motors in the order of the independent coordinates."""
+
+    def __call__(self, start: FloatArray, values: FloatArray) -> Settled:
+        """Return configurations at values (N, n_actuated), from one that is closed."""
+        wanted, count = values[:, self.order], len(values)
+        q, good = np.tile(start, (count, 1)), np.zeros(count, dtype=bool)
+        for spacing in _SPACINGS:
+            known = np.flatnonzero(good)
+            rest = np.setdiff1d(np.append(np.arange(0, count, spacing), count - 1), known)
+            if not len(rest):
+                continue
+            if len(known):
+                right = np.clip(np.searchsorted(known, rest), 1, max(len(known) - 1, 1))
+                near = known[np.minimum(right, len(known) - 1)]
+                left = known[right - 1]
+                near = np.where(np.abs(left - rest) <= np.abs(near - rest), left, near)
+                q[rest], good[rest] = self._follow(q[near], wanted[rest])
+                rest = rest[~good[rest]]
+            if len(rest):
+                q[rest], good[rest] = self._follow(np.tile(start, (len(rest), 1)), wanted[rest])
+        return Settled(q, good)
+
+    def _follow(self, q: FloatArray, wanted: FloatArray) -> Settled:
+        """Go straight to the values that are wanted, in pieces, halved where one is too long."""
+        begin, q = self.values(q), np.array(q)
+        way = wanted - begin
+        way = np.where(self._circle, np.arctan2(np.sin(way), np.cos(way)), way)
+        with np.errstate(invalid="ignore"):
+            pieces = np.ceil(np.abs(way / self._longest).max(axis=1, initial=1.0))
+        longest = np.where(pieces <= _PIECES, 1.0 / pieces, 0.0)  # shares of the way
+        piece, done = longest.copy(), np.zeros(len(q))
+        for _ in range(2 * _PIECES):
+            at = np.flatnonzero((done < 1.0) & (piece >= _SHORTEST * longest) & (longest > 0.0))
+            if not len(at):
+                break
+            end = np.where(done[at] + 1.5 * piece[at] < 1.0, done[at] + piece[at], 1.0)
+            there = self._compiled.rows(
+                "completion", {"q": q[at], **self._rates(way[at] * (end - done[at])[:, None])}
+            )
+            moved = self._compiled.rows("integrate", {"q": q[at], "dq": there["v"]})["q"]
+            self._enter(moved, begin[at] + way[at] * end[:, None])
+            new, fits = self._corrected(moved)
+            fits &= there["orientation"][:, 0] * self._orientation(new) > 0
+            q[at[fits]], done[at[fits]] = new[fits], end[fits]
+            piece[at] = np.where(fits, np.minimum(2.0 * piece[at], longest[at]), piece[at] / 2.0)
+        return Settled(q, done >= 1.0)
+
+    def _corrected(self, q: FloatArray) -> Settled:
+        good, limit = np.ones(len(q), dtype=bool), np.full(len(q), LARGEST_CORRECTION)
+        for _ in range(_STEPS):
+            found = self._compiled.rows("step", {"q": q})
+            size = np.abs(found["q"] - q).max(axis=1, initial=0.0)
+            good &= (size <= np.maximum(limit, CONVERGING)) & (found["margin"][:, 0] > MARGIN)
+            q, limit = found["q"], CONTRACTION * size
+            if not good.any() or size[good].max() <= CONVERGED:
+                break
+        return Settled(q, good & (size <= CONVERGING))
+
+    def _orientation(self, q: FloatArray) -> FloatArray:
+        given = {"q": q, **self._rates(np.zeros((len(q), len(self.order))))}
+        return self._compiled.rows("completion", given)["orientation"][:, 0]
+
+    def _rates(self, speeds: FloatArray) -> dict[str, FloatArray]:
+        """Return speeds of the coordinates as those of all independent ones."""
+        rates = np.zeros((len(speeds), len(self._compiled.independent)))
+        rates[:, self._columns] = speeds
+        return {"v_independent": rates, "a_independent": np.zeros_like(rates)}
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """Return the values of the coordinates in configurations (N, nq)."""
+        values: Any = q[:, self._at]
+        turned = np.arctan2(q[:, np.minimum(self._at + 1, q.shape[1] - 1)], values)
+        return np.asarray(np.where(self._circle, turned, values))
+
+    def _enter(self, q: FloatArray, values: FloatArray) -> None:
+        q[:, self._at] = np.where(self._circle, np.cos(values), values)
+        circles = self._circle
+        q[:, self._at[circles] + 1] = np.sin(values[:, circles])

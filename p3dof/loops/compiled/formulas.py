@@ -122,6 +122,14 @@ class At:
         return least
 
     @cached_property
+    def orientation(self) -> Number:
+        """The product of the pivots over what they are on the samples: its sign tells assemblies apart."""
+        product: Number = 1.0
+        for pivot, size in zip(self.factors.pivots, self.robot.plan.sizes, strict=True):
+            product = product * (pivot * (1.0 / size))
+        return product
+
+    @cached_property
     def null_space(self) -> dict[int, dict[int, Number]]:
         """N by independent place: what a unit of it makes of the dependent speeds."""
         found = {}

@@ -195,8 +195,8 @@ class BoundFunction:
 
     def __init__(self, function: Function, path: str | None) -> None:
         self._in, self._out = np.zeros(max(1, len(function.symbols))), np.zeros(max(1, len(function.results)))
-        self.inputs = _views(self._in, function.inputs)  # arrays by name; enter the sample here
-        self.outputs = _views(self._out, function.outputs)  # arrays by name; `run` fills them
+        self.inputs = views(self._in, function.inputs)  # arrays by name; enter the sample here
+        self.outputs = views(self._out, function.outputs)  # arrays by name; `run` fills them
         self.run: Callable[[], None]  # compute one sample; `InputError` in another thread than before
         mine = OneThread(f"the arrays of this {function.name}, bind one in each thread").check
         if path is None:
@@ -221,7 +221,8 @@ def _run_by_numpy(mine: Callable[[], None], function: Function, given: FloatArra
         found[: len(function.results)] = function.on_arrays(*given)
 
 
-def _views(array: FloatArray, groups: Mapping[str, int]) -> dict[str, FloatArray]:
+def views(array: FloatArray, groups: Mapping[str, int]) -> dict[str, FloatArray]:
+    """Return parts of an array by name, of given sizes one behind the other."""
     found, start = {}, 0
     for name, size in groups.items():
         found[name] = array[start : start + size]

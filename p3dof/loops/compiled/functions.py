@@ -102,7 +102,7 @@ def _state(build: Builder, robot: Robot, q: Sequence[Number], v: Sequence[Number
     return at, at.completed(dict(zip(robot.independent, v, strict=True)), [0.0] * len(at.rows))
 
 
-_FOLLOWED = 1e-4  # what is left of the largest gap where Newton's steps along a motion ended well
+FOLLOWED = 1e-4  # what is left of the largest gap where Newton's steps along a motion ended well
 
 
 def jacobian_rows(robot: Robot) -> Function:
@@ -159,7 +159,7 @@ def motion(robot: Robot) -> Function:
     build.give("tau", borne.tau)
     build.give("lambda_", multipliers)
     missing = nothing_missing(tape, borne.missing, (*borne.tau, *multipliers))
-    build.evidence(at, CLOSED * _FOLLOWED, [missing])
+    build.evidence(at, CLOSED * FOLLOWED, [missing])
     return build.function("motion")
 
 
@@ -181,12 +181,9 @@ def completion(robot: Robot) -> Function:
     build.give("a", all_a)
     by = [{place: 1.0, **at.null_space[place]} for place in free]
     build.give("influence", [column.get(i, 0.0) for i in range(tree.nv) for column in by])
-    orientation: Number = 1.0
-    for pivot, size in zip(at.factors.pivots, robot.plan.sizes, strict=True):
-        orientation = orientation * (pivot * (1.0 / size))
-    build.give("orientation", [orientation])
+    build.give("orientation", [at.orientation])
     build.give("closure_error", at.loops.multipliers(at.errors))
-    build.evidence(at, CLOSED * _FOLLOWED)
+    build.evidence(at, CLOSED * FOLLOWED)
     return build.function("completion")
 
 

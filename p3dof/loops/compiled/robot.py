@@ -52,8 +52,9 @@ def robot_of(
     external: Iterable[str] = (),
     joint_forces: bool = False,
     inertias: Iterable[str] = (),
+    given: Sequence[int] | None = None,
 ) -> CompiledRobot:
-    """Return what formulas need of a model."""
+    """Return what formulas need of a model; independent are its motors, or given places in v."""
     model = loop.model
     robot = unplanned(loop)
     tree, kinematics = robot.tree, robot.kinematics
@@ -73,7 +74,8 @@ def robot_of(
         return robot
     columns = jacobian_rows(robot).on_arrays(*np.array(around).T)
     J = np.stack([np.broadcast_to(column, (len(around),)) for column in columns], axis=-1)
-    return replace(robot, plan=planned(J.reshape(len(around), kinematics.size, tree.nv), robot.motors))
+    last = robot.motors if given is None else given
+    return replace(robot, plan=planned(J.reshape(len(around), kinematics.size, tree.nv), last))
 
 
 def unplanned(loop: LoopModel) -> CompiledRobot:
