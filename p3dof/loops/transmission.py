@@ -39,8 +39,8 @@ from p3dof.loops.closed_tree import CLOSED
 from p3dof.loops.compiled import solutions
 from p3dof.loops.compiled.build import libraries
 from p3dof.loops.compiled.compiled_functions import CompiledFunctions
-from p3dof.loops.compiled.following import LARGEST_CORRECTION, CONVERGED, CONVERGING, Settler
-from p3dof.loops.compiled.formulas import MARGIN_OF_STATES, At, Robot, moved, seeds_of
+from p3dof.loops.compiled.following import CONVERGED, CONVERGING, LARGEST_CORRECTION, Settler
+from p3dof.loops.compiled.formulas import At, Robot, moved, seeds_of
 from p3dof.loops.compiled.function import Builder, Function, pointers, views
 from p3dof.loops.compiled.functions import FOLLOWED
 from p3dof.loops.compiled.printing import fill, lanes_source
@@ -171,7 +171,7 @@ def _forces(robot: Robot, given: Sequence[int], others: Sequence[int]) -> Functi
     build = Builder()
     at = At(robot, build.tape, build.take("q", robot.tree.nq))
     build.give("forces", _forces_of(at, given, others, build.take("forces", len(others))))
-    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
+    build.evidence(at, CLOSED)
     return build.function("forces")
 
 
@@ -187,7 +187,7 @@ def _gains(robot: Robot, given: Sequence[int], others: Sequence[int]) -> Functio
     held, lost = _congruent(J, stiffness), _congruent(J, damping)
     build.give("stiffness", [held[i][k] - bent[k][i] for i in range(n) for k in range(n)])
     build.give("damping", [entry for row in lost for entry in row])
-    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
+    build.evidence(at, CLOSED)
     return build.function("gains")
 
 
@@ -208,7 +208,7 @@ def _dynamics(robot: Robot, given: Sequence[int], _others: Sequence[int]) -> Fun
     row = [order.index(place) for place in given]
     build.give("inertia", [lower[max(row[i], row[k])][min(row[i], row[k])] for i in size for k in size])
     build.give("forces", [force[place] for place in given])
-    build.evidence(at, CLOSED, margin=MARGIN_OF_STATES)
+    build.evidence(at, CLOSED)
     return build.function("dynamics")
 
 
