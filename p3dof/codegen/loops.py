@@ -26,6 +26,7 @@ from p3dof.loops.compiled.printing import fill as core_of
 from p3dof.loops.compiled.robot import closed_configurations
 from p3dof.loops.tables import units_of_actuated
 from p3dof.loops.transmission import MAPS, Transmission, mapping_text
+from p3dof.loops.trees import joint_value
 
 _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
@@ -169,7 +170,7 @@ def _run(prefix: str, function: Function) -> str:
 def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) -> str:
     """Return tables of a motion of the motors and the forces for it, and what tests them."""
     start = robot.regular_configuration
-    home = np.array([_value(robot, start, name) for name in robot.actuated])
+    home = np.array([joint_value(robot.model, name, start) for name in robot.actuated])
     time, phase = np.arange(_SAMPLES)[:, None] / _RATE, np.arange(len(home))
     w = 2 * np.pi * 2.0
     target = home + _SWING * (np.sin(w * time + phase) - np.sin(phase))
@@ -194,12 +195,6 @@ def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) 
         tolerance=repr(_TOLERANCE),
         loads="".join("NULL, " for _ in list(motion.inputs)[3:]),
     )
-
-
-def _value(robot: ClosedLoopModel, q: FloatArray, name: str) -> float:
-    joint = robot.model.getJointId(name)
-    at = robot.model.idx_qs[joint]
-    return float(np.arctan2(q[at + 1], q[at]) if robot.model.nqs[joint] == 2 else q[at])
 
 
 _STATUSES = (

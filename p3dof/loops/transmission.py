@@ -33,6 +33,7 @@ from p3dof._base.checks import FloatArray, Readable, as_floats, shown
 from p3dof._base.errors import AssemblyError, InputError, ModelError, P3dofError, SingularityError
 from p3dof._base.threads import OneThread
 from p3dof._base.tracing import Number, Tape
+from p3dof._base.tracing.python import function_of
 from p3dof._base.tracing.tape import tangent
 from p3dof.loops.assembly import CONTRACTION
 from p3dof.loops.closed_tree import CLOSED
@@ -44,14 +45,16 @@ from p3dof.loops.compiled.formulas import At, Robot, moved, seeds_of
 from p3dof.loops.compiled.function import Builder, Function, pointers, views
 from p3dof.loops.compiled.functions import FOLLOWED
 from p3dof.loops.compiled.printing import fill, lanes_source
-from p3dof.loops.compiled.robot import unplanned
-from p3dof.loops.coordinates import single_joint
+from p3dof.loops.compiled.robot import SAMPLES, unplanned
+from p3dof.loops.coordinates import length_coordinates, single_joint
 from p3dof.loops.loop_model import LoopModel
 from p3dof.loops.results import read_only
 from p3dof.loops.tree_formulas import dot
+from p3dof.loops.trees import joint_value
 
 LoopT = TypeVar("LoopT", bound=LoopModel)
 
+_TURN, _SLIDE = 1.0, 0.3  # way from home over which pivots are chosen [rad, share of the unit of length]
 _APART = 1e-7  # share of a free motion that is none in a coordinate
 
 
@@ -116,7 +119,7 @@ class ReflectedDynamics(Readable):
 
 
 class _Moving(NamedTuple):
-    """A robot in the motion of the coordinates that are given, all others at rest that stay free."""
+    """A robot in the motion of what is given."""
 
     at: At
     needed: Callable[[Sequence[Number]], list[Number]]
@@ -127,8 +130,8 @@ class _Moving(NamedTuple):
 def _moving(build: Builder, robot: Robot, given: Sequence[int]) -> _Moving:
     q = build.take("q", robot.tree.nq)
     v, a = (dict(zip(given, build.take(name, len(given)), strict=True)) for name in ("v", "a"))
-    at, free = At(robot, build.tape, q), robot.independent
-    speeds, rates = ([values.get(place, 0.0) for place in free] for values in (v, a))
+    at = At(robot, build.tape, q)
+    speeds, rates = ([values[place] for place in robot.independent] for values in (v, a))
     moving, all_v, all_a = solutions.completed_motion(at, speeds, rates, {})
     return _Moving(at, moving.needed, all_v, all_a)
 
@@ -182,7 +185,7 @@ def _gains(robot: Robot, given: Sequence[int], others: Sequence[int]) -> Functio
     stiffness, damping = (build.take(name, n * n) for name in ("stiffness", "damping"))
     J = _jacobian(at, given, others)
     borne = _forces_of(at, given, others, build.take("forces", n))
-    still = dict.fromkeys(robot.independent, 0.0)
+    still = dict.fromkeys(given, 0.0)
     bent = [tangent(borne, seeds_of(at, {**still, place: 1.0})) for place in given]
     held, lost = _congruent(J, stiffness), _congruent(J, damping)
     build.give("stiffness", [held[i][k] - bent[k][i] for i in range(n) for k in range(n)])
@@ -227,25 +230,10 @@ class Side(CompiledFunctions):
 
     def __init__(self, loop: LoopModel, names: Sequence[str], others: Sequence[str], level: str) -> None:
         given, self.others = (_places(loop.model, some) for some in (names, others))
-        super().__init__(loop, level=level, given=given)
         self.names = tuple(names)
-        self._refuse_undetermined()
+        idle = _idle(loop, self.names, given, self.others)
+        super().__init__(loop, _spread(loop, self.names), level=level, given=given, idle=idle)
         self.settle = Settler(self)
-
-    def _refuse_undetermined(self) -> None:
-        """Raise where what is given depends on itself, or does not determine the others."""
-        q, given = self._around[0], list(self.followed)
-        J = self._loop.closure_jacobian(q)
-        N = np.linalg.svd(J)[2][self._loop.rank(q) :].T if J.size else np.eye(self._loop.model.nv)
-        seen = int(np.linalg.matrix_rank(N[given], _APART))
-        idle = N @ np.linalg.svd(N[given])[2][seen:].T  # what moves while these stand still
-        if seen < len(given) or np.abs(idle[list(self.others)]).max(initial=0.0) > _APART:
-            joints = list(self._loop.model.names)[1:]
-            told = "depend on each other" if seen < len(given) else "do not determine the other side"
-            raise ModelError(
-                f"transmission: {', '.join(self.names)} {told}; the linkage of {', '.join(joints)} has "
-                f"{N.shape[1]} free motions, of which they see {seen}"
-            )
 
     def function(self, name: str) -> Function:
         """Return a function as it was traced: one of `FUNCTIONS`, or of those of any robot."""
@@ -255,6 +243,53 @@ class Side(CompiledFunctions):
             if name not in self._functions:
                 self._functions[name] = FUNCTIONS[name](self._robot, self.followed, self.others)
             return self._functions[name]
+
+
+def _spread(loop: LoopModel, names: Sequence[str]) -> FloatArray:
+    """Return closed configurations all over the way of joints, always the same: pivots must serve there."""
+    home, model, draw = loop.regular_configuration, loop.model, np.random.default_rng(0)
+    joints = [model.joints[single_joint(model, name, "transmission")] for name in names]
+    slides, at = length_coordinates(model)[0], [joint.idx_q for joint in joints]
+    start = np.array([joint_value(model, name, home) for name in names])
+    width = np.where(slides[at], _SLIDE * loop.unit_of_length, _TURN)
+    endless = np.array([joint.nq > 1 for joint in joints])  # the limits are those of a cosine
+    lower = np.where(endless, -np.inf, np.array(model.lowerPositionLimit)[at])
+    upper = np.where(endless, np.inf, np.array(model.upperPositionLimit)[at])
+    found = [home]
+    for _ in range(4 * SAMPLES):
+        values = np.clip(start + width * draw.uniform(-1, 1, len(names)), lower, upper)
+        try:
+            state = loop.assemble(dict(zip(names, values.tolist(), strict=True)), guess=home)
+        except AssemblyError:
+            continue
+        if state.same_assembly:
+            found.append(state.q)
+        if len(found) == SAMPLES:
+            break
+    return np.array(found)
+
+
+def _idle(
+    loop: LoopModel, names: Sequence[str], given: Sequence[int], others: Sequence[int]
+) -> list[dict[int, float]]:
+    """Return rows that hold still what moves while both sides do, as a rod that spins about its own axis.
+
+    In the axes of bodies that axis does not change. Raise where what is given depends on itself, or does not
+    determine the others.
+    """
+    q, model = loop.regular_configuration, loop.model
+    J = loop.closure_jacobian(q)
+    N = np.linalg.svd(J)[2][loop.rank(q) :].T if J.size else np.eye(model.nv)
+    seen = int(np.linalg.matrix_rank(N[list(given)], _APART))
+    idle = N @ np.linalg.svd(N[list(given)])[2][seen:].T  # what moves while what is given stands still
+    if seen < len(given) or np.abs(idle[list(others)]).max(initial=0.0) > _APART:
+        told = "depend on each other" if seen < len(given) else "do not determine the other side"
+        raise ModelError(
+            f"transmission: {', '.join(names)} {told}; the linkage of {', '.join(list(model.names)[1:])} has "
+            f"{N.shape[1]} free motions, of which they see {seen}"
+        )
+    idle[np.abs(idle) < _APART] = 0.0
+    return [{k: float(column[k]) for k in np.flatnonzero(column)} for column in idle.T]
 
 
 def _places(model: pin.Model, names: Iterable[str]) -> tuple[int, ...]:
@@ -482,7 +517,7 @@ class Transmission(Generic[LoopT]):
         InputError
             If an array has the wrong shape.
         SingularityError
-            If the actuators do not determine the motion at a configuration.
+            If the actuators do not determine the motion; of many configurations, forces there are NaN.
         """
         return self._at(self.actuator, "forces", q, forces=joint_forces)["forces"]
 
@@ -642,6 +677,47 @@ class Transmission(Generic[LoopT]):
         vertices = np.stack([self.joint_forces(q, corner) for corner in corners], axis=-2)
         return ForceLimits(np.concatenate([A, -A], axis=-2), np.concatenate([upper, -lower]), vertices)
 
+    def traced(self, side: str, name: str, namespace: Any = np) -> Callable[..., dict[str, Any]]:
+        """Return a function of one direction as one of arrays, of NumPy, JAX or another that is like it.
+
+        It branches on nothing, so that it can be compiled, vectorised and differentiated there.
+
+        Parameters
+        ----------
+        side : {"joint", "actuator"}
+            What is given.
+        name : {"close", "motion", "forces", "gains", "dynamics"}
+            ``close`` takes q (..., nq) and returns it one step of Newton's method nearer; ``motion`` and
+            ``dynamics`` take q, velocity and acceleration (..., n) of what is given; ``forces``: q and forces
+            of the other side; ``gains``: q, its stiffness and damping by rows (..., n²), and its forces.
+            Outputs are by name, matrices by rows.
+        namespace : module
+            Has ``sqrt``, ``sin``, ``stack`` and so on: `numpy`, ``jax.numpy``.
+
+        Raises
+        ------
+        InputError
+            If there is no such direction or function.
+        """
+        if side not in ("joint", "actuator") or name not in FUNCTIONS:
+            known = f"'joint' or 'actuator' and one of {', '.join(FUNCTIONS)}"
+            raise InputError(f"traced: expected {known}, got {shown(side)} and {shown(name)}")
+        function: Function = getattr(self, side).function(name)
+        flat = function_of(function.tape, function.symbols, function.results, namespace)
+
+        def call(*groups: Any) -> dict[str, Any]:
+            sized = zip(groups, function.inputs.values(), strict=True)
+            columns = namespace.broadcast_arrays(
+                *flat(*(x[..., i] for x, size in sized for i in range(size)))
+            )
+            found, start = {}, 0
+            for key, size in function.outputs.items():
+                found[key] = namespace.stack(columns[start : start + size], axis=-1)
+                start += size
+            return found
+
+        return call
+
     def bind(self) -> tuple[BoundDirection, BoundDirection]:
         """Return both directions for a loop at kHz: from coordinates to actuators, and back.
 
@@ -724,7 +800,7 @@ class Transmission(Generic[LoopT]):
         )
 
     def _at(self, side: Side, name: str, q: ArrayLike, **given: ArrayLike) -> dict[str, FloatArray]:
-        """Return outputs of a function at configurations; NaN at those that are, as of failed samples."""
+        """Return outputs of a function at configurations, NaN at failed and at singular ones of many."""
         function, rows = side.function(name), np.atleast_2d(as_floats("q", q))
         count = max(len(rows), *(len(np.atleast_2d(np.asarray(value))) for value in given.values()))
         inputs: dict[str, FloatArray] = {}
@@ -736,19 +812,21 @@ class Transmission(Generic[LoopT]):
                 )
             inputs[key] = np.ascontiguousarray(np.broadcast_to(array, (count, size)))
         found = side.rows(name, inputs)
-        failed = ~np.isnan(inputs["q"]).any(axis=1) & ~(found["trusted"][:, 0] > 0.0)
-        if failed.any():
-            i = int(np.argmax(failed))
-            margin, gap = found["margin"][i, 0], found["gap"][i, 0]
-            if gap > function.closed:
-                raise InputError(f"q: the loops are open by {gap:.3g} m or rad at configuration {i}")
-            raise SingularityError(
-                f"transmission: configuration {i} is near a singular one: margin {margin:.2g}, expected at "
-                f"least {function.least_margin:g}",
-                (i,),
-                int(failed.sum()),
-            )
+        gaps, margins = (
+            np.where(np.isnan(inputs["q"][:, 0]), 0.0, found[key][:, 0]) for key in ("gap", "margin")
+        )
+        if (gaps > function.closed).any():
+            i = int(np.argmax(gaps))
+            raise InputError(f"q: the loops are open by {gaps[i]:.3g} m or rad at configuration {i}")
         single = np.ndim(q) == 1 and all(np.ndim(value) == 1 for value in given.values())
+        failed = ~(found["trusted"][:, 0] > 0.0)
+        if single and failed[0]:
+            raise SingularityError(
+                f"transmission: near a singular configuration: margin {margins[0]:.2g}, expected at least "
+                f"{function.least_margin:g}"
+            )
+        for array in found.values():
+            array[failed] = np.nan
         return {key: read_only(found[key][0] if single else found[key]) for key in function.outputs}
 
     def _gains(

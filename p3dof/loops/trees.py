@@ -132,7 +132,7 @@ def without(
     ids = [model.getJointId(name) for name in locked]
     reduced = pin.buildReducedModel(model, ids, q)
     reduced.name = model.name
-    values = {name: _value(model, name, q) for name in locked}
+    values = {name: joint_value(model, name, q) for name in locked}
     kept = None
     if sidecar.reference is not None:
         kept = {name: value for name, value in sidecar.reference.items() if name not in locked}
@@ -177,7 +177,7 @@ def _gap(between: pin.SE3, closure: Closure) -> float:
     return float(point.gap)
 
 
-def _value(model: pin.Model, name: str, q: FloatArray) -> float:
+def joint_value(model: pin.Model, name: str, q: FloatArray) -> float:
     """Return the value of a joint [m or rad]; NaN if it has several."""
     joint = model.getJointId(name)
     if model.nvs[joint] != 1:

@@ -1,6 +1,7 @@
 """Transmissions: coordinates and actuators behind a linkage, by closed forms, other layers, differences."""
 
 import threading
+import warnings
 
 import numpy as np
 import pinocchio as pin
@@ -18,9 +19,10 @@ from gallery import GALLERY, gallery
 from mujoco_opinion import null_space
 from mujoco_robots import in_mujoco
 from numpy.testing import assert_allclose
-from other_robots import load
+from other_robots import OUTSIDE, load
 
-from p3dof._base.errors import AssemblyError, InputError, ModelError, SingularityError
+import p3dof
+from p3dof._base.errors import AssemblyError, InputError, ModelError, ModelWarning, SingularityError
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled import build
 
@@ -34,6 +36,15 @@ CASES = {
     "gripper": ("gripper", ("right_guide",), None),
     "rods": ("leg_with_rods", ("free_foot", "free_knee"), None),
 }
+PUBLIC = {
+    "panda": ("panda", ("panda_finger_joint2",)),
+    "knee belt": ("plus_leg_with_rotors", ("to_thigh_rotor",)),
+    "leg of a plane": ("plus_planar_leg", ("driver_to_foot",)),
+    "ankle and knee": ("digit_like/robot.urdf", ("motor_hip_z", "free_knee", "free_foot1", "free_foot2")),
+    "knee belt, outside": ("urdf_plus/mini_cheetah_leg.urdf", ("thigh_to_knee_rotor_j",)),
+    "leg of a plane, outside": ("urdf_plus/planar_leg_linkage.urdf", ("driver_to_foot",)),
+}
+"""Robots of public files, or what stands in for them: mimic joints, a belt with rotors, linkages."""
 each_case = pytest.mark.parametrize("case", CASES)
 
 
@@ -86,6 +97,30 @@ def test_motions_are_those_of_the_general_layer_both_ways(made, case):
         assert_allclose(there.velocity[i], state.v[other], rtol=0, atol=1e-11 * np.abs(state.v).max())
         # Idle rods move otherwise there, which the actuators do not feel.
         assert_allclose(there.acceleration[i], state.a[other], rtol=0, atol=1e-9 * np.abs(state.a).max())
+
+
+@pytest.mark.parametrize("case", [case for case, (name, _) in PUBLIC.items() if "/" not in name or OUTSIDE])
+def test_robots_of_public_files_are_mapped_both_ways(case):
+    name, coordinates = PUBLIC[case]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # what they say of visuals and materials
+        loop = p3dof.load_robot(name) if name == "panda" else load(name)
+    one = loop.transmission(coordinates)
+    x, v, a = motions(one, 20, 0.05)
+    there = one.joint_to_actuator(x, v, a)
+    back = one.actuator_to_joint(there.position, there.velocity, there.acceleration)
+    assert not {**there.errors, **back.errors}
+    # How much rounding is felt: where the linkage is nearly singular, more.
+    worst = np.linalg.cond(there.jacobian).max() * max(1.0, np.abs(there.acceleration).max())
+    worst /= min(there.margin.min(), back.margin.min())
+    for found, given in zip((back.position, back.velocity, back.acceleration), (x, v, a), strict=True):
+        assert_allclose(found, given, rtol=0, atol=1e-13 * worst)
+    own, other = places(one, one.coordinates), places(one, one.actuators)
+    for i, q in enumerate(there.q):
+        J = one.robot.closure_jacobian(q)
+        N = np.linalg.svd(J)[2][np.linalg.matrix_rank(J, 1e-9) :].T
+        size = np.abs(there.jacobian[i]).max()
+        assert_allclose(N[other], there.jacobian[i] @ N[own], rtol=0, atol=1e-9 * size)
 
 
 @each_case
@@ -262,6 +297,22 @@ def test_friction_and_rotors_of_actuators_are_the_linkages():
     assert_allclose(more, 0.02 * np.swapaxes(J, 1, 2) @ J, rtol=0, atol=1e-14)
 
 
+def test_within_the_limits_of_joints_nothing_fails(made):
+    one = made("ankle")
+    model = one.robot.model
+    at = [model.joints[model.getJointId(name)].idx_q for name in ANKLE]
+    ends = np.array(model.lowerPositionLimit)[at], np.array(model.upperPositionLimit)[at]
+    x = np.stack(np.meshgrid(*np.linspace(*ends, 21).T), axis=-1).reshape(-1, 2)
+    there = one.joint_to_actuator(x)
+    assert not there.errors
+    assert there.margin.min() > 0.1
+    forces = one.actuator_forces(there.q, [1.0, 1.0])
+    assert np.isfinite(forces).all()
+    back = one.actuator_to_joint(there.position)
+    assert_allclose(back.position, x, rtol=0, atol=1e-12)
+    assert back.margin.min() > 0.1
+
+
 def test_limits_of_effort_are_a_polytope(made):
     one = made("ankle")
     q = one.joint_to_actuator(motions(one, 3)[0]).q
@@ -358,8 +409,11 @@ def test_a_singular_position_ends_a_way_and_no_branch_is_changed():
     with pytest.raises(AssemblyError, match=r"does not reach rocker_joint=0\.2"):
         one.joint_to_actuator([0.2])
     dead = one.actuator_to_joint([low + 1e-9])
-    with pytest.raises(SingularityError, match="near a singular one: margin"):
+    with pytest.raises(SingularityError, match="near a singular configuration: margin"):
         one.joint_forces(dead.q, [1.0])
+    many = one.joint_forces([dead.q, found.q[good[0]]], [1.0])
+    assert np.isnan(many[0, 0])
+    assert np.isfinite(many[1, 0])
     assert abs(one.actuator_forces(dead.q, [1.0])[0]) < 1e-3  # there the crank feels no torque of the rocker
 
 
@@ -403,6 +457,34 @@ def test_without_a_compiler_the_numbers_are_the_same(made):
     assert_allclose(*gains, rtol=0, atol=1e-11)
     with pytest.raises(ModelError, match="bind needs a C compiler"):
         other.bind()
+
+
+@pytest.mark.parametrize("name", ["motion", "close", "forces", "gains", "dynamics"])
+def test_traced_functions_run_in_jax(made, name):
+    """Compiled, vectorised and differentiated there; its derivatives are those of differences."""
+    jax = pytest.importorskip("jax", reason="jax not installed")
+    one, rng = made("ankle"), np.random.default_rng(4)
+    q = one.joint_to_actuator(motions(one, 3)[0]).q
+    with jax.enable_x64(True):
+        call = one.traced("joint", name, jax.numpy)
+        given = [
+            q,
+            *(
+                rng.normal(size=(3, size))
+                for key, size in one.joint.function(name).inputs.items()
+                if key != "q"
+            ),
+        ]
+        found = jax.jit(jax.vmap(call))(*given)
+        expected = one.traced("joint", name)(*given)
+        for key, value in expected.items():
+            assert_allclose(
+                found[key], value, rtol=0, atol=1e-12 * max(1.0, np.abs(value).max()), err_msg=key
+            )
+        key, along = next(iter(expected)), rng.normal(size=q.shape)
+        _, tangent = jax.jvp(lambda x: call(x, *given[1:])[key], (q,), (along,))
+    first, _ = differences(lambda t: one.traced("joint", name)(q + t * along, *given[1:])[key], h=1e-3)
+    assert_allclose(tangent, first, rtol=0, atol=1e-7 * max(1.0, np.abs(first).max()))
 
 
 BAD = {
@@ -465,6 +547,9 @@ def test_bad_arguments_are_told(made):
     ):
         with pytest.raises(InputError, match=message):
             call()
+    for wrong in (("rod", "motion"), ("joint", "step")):
+        with pytest.raises(InputError, match="traced: expected 'joint' or 'actuator' and one of motion"):
+            one.traced(*wrong)
     x = motions(one, 3)[0]
     x[1] = np.nan
     some = one.joint_to_actuator(x)

@@ -39,6 +39,7 @@ class CompiledFunctions:
         level: str = "auto",
         threads: int | None = None,
         given: Sequence[int] | None = None,
+        idle: Sequence[Mapping[int, float]] = (),
     ) -> None:
         if level not in (*build.LEVELS, "numpy"):
             raise InputError(
@@ -55,7 +56,7 @@ class CompiledFunctions:
         self._loop, self._threads = (loop.copy(), thread_count(threads))
         start = _configurations(self._loop, around)
         self._around = start
-        self._robot = robot_of(self._loop, start, external, joint_forces, inertias, given)
+        self._robot = robot_of(self._loop, start, external, joint_forces, inertias, given, idle)
         self.followed: tuple[int, ...] = self._robot.independent if given is None else tuple(given)
         """Places in v of the coordinates whose values give a configuration."""
         self._given = self._robot.motors if given is None else self.followed

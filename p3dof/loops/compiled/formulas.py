@@ -60,6 +60,8 @@ class Robot:
     joint_forces: bool = False  # whether forces in all joints are an input
     inertias: Mapping[str, int] = field(default_factory=dict)
     """Joints whose bodies have their inertial parameters as an input, and their parts."""
+    idle: tuple[Mapping[int, float], ...] = ()
+    """Rows that hold freedoms still which move nothing else, such as a rod that spins between balls."""
     length: float = 1.0
     """The model's own unit of length where it is smaller than a metre, else one: what counts as closed."""
 
@@ -99,13 +101,15 @@ class At:
 
     @cached_property
     def rows(self) -> list[dict[int, Number]]:
-        """The Jacobian of closures and couplings."""
-        return [*self.loops.rows(), *self.robot.coupled.rows(self.tape, self.q)]
+        """The Jacobian of closures and couplings, with rows that hold idle freedoms still."""
+        idle: list[dict[int, Number]] = [dict(row) for row in self.robot.idle]
+        return [*self.loops.rows(), *self.robot.coupled.rows(self.tape, self.q), *idle]
 
     @cached_property
     def errors(self) -> list[Number]:
         """How far closures and couplings are off."""
-        return [*self.loops.errors(), *self.robot.coupled.errors(self.tape, self.q)]
+        still = [0.0] * len(self.robot.idle)
+        return [*self.loops.errors(), *self.robot.coupled.errors(self.tape, self.q), *still]
 
     @cached_property
     def factors(self) -> Factors:
@@ -198,7 +202,8 @@ class Moving:
         if moving is None:
             moving = motion(tree, at.where, self.v, a, self.omega, ZERO, at.loops.parts)
         coupled = at.robot.coupled.accelerations(at.tape, at.q, self.v, a)
-        return [*at.loops.accelerations(self.v, moving, moved), *coupled]
+        still = [0.0] * len(at.robot.idle)
+        return [*at.loops.accelerations(self.v, moving, moved), *coupled, *still]
 
 
 def _wrenches(

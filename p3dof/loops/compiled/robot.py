@@ -53,6 +53,7 @@ def robot_of(
     joint_forces: bool = False,
     inertias: Iterable[str] = (),
     given: Sequence[int] | None = None,
+    idle: Sequence[Mapping[int, float]] = (),
 ) -> CompiledRobot:
     """Return what formulas need of a model; independent are its motors, or given places in v."""
     model = loop.model
@@ -65,17 +66,20 @@ def robot_of(
         loads.append(Load(name, tree.of_joint[int(frame.parentJoint)], place))
     joints = {name: joint_named(model, name, "inertias") for name in _different("inertias", inertias)}
     parts = {name: tree.of_joint[joint] for name, joint in joints.items()}
-    robot = replace(robot, loads=tuple(loads), joint_forces=bool(joint_forces), inertias=parts)
+    robot = replace(
+        robot, loads=tuple(loads), joint_forces=bool(joint_forces), inertias=parts, idle=tuple(idle)
+    )
     defaults = {name: np.zeros(size) for name, size in robot.inputs.items()}
     for name, joint in joints.items():
         defaults[f"inertia_{name}"] = np.array(model.inertias[joint].toDynamicParameters())
     robot = replace(robot, defaults=defaults)
-    if not kinematics.size:
+    size = kinematics.size + len(idle)
+    if not size:
         return robot
     columns = jacobian_rows(robot).on_arrays(*np.array(around).T)
     J = np.stack([np.broadcast_to(column, (len(around),)) for column in columns], axis=-1)
     last = robot.motors if given is None else given
-    return replace(robot, plan=planned(J.reshape(len(around), kinematics.size, tree.nv), last))
+    return replace(robot, plan=planned(J.reshape(len(around), size, tree.nv), last))
 
 
 def unplanned(loop: LoopModel) -> CompiledRobot:
