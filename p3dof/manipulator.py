@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Progress, batch_of, warn_caller
+from p3dof._base.errors import InputError
 from p3dof._base.outputs import result_in
 from p3dof._base.samples import OnInvalid, unit_hint
 from p3dof.closed_form import kinematics
@@ -296,13 +297,25 @@ class Manipulator:
 
     def mechanism_motion(
         self,
-        pose: ArrayLike,
-        velocity: ArrayLike,
-        acceleration: ArrayLike,
+        motion: Motion | ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
         *,
         on_invalid: OnInvalid = "raise",
     ) -> MechanismMotion:
-        """Return the motion of every joint and body, in closed form: `p3dof.closed_form.kinematics`."""
+        """Return the motion of every joint and body, in closed form: `p3dof.closed_form.kinematics`.
+
+        Of a `Motion`, or of poses (..., 3) with velocities and accelerations.
+        """
+        pose: ArrayLike
+        if not isinstance(motion, Motion):
+            pose = motion
+        elif velocity is None and acceleration is None:
+            pose, velocity, acceleration = motion.pose, motion.velocity, motion.acceleration
+        else:
+            raise InputError("mechanism_motion: a motion has its own velocities and accelerations")
+        if velocity is None or acceleration is None:
+            raise InputError("mechanism_motion: expected a motion, or poses, velocities and accelerations")
         return kinematics.mechanism_motion(self.parameters.geometry, pose, velocity, acceleration, on_invalid)
 
     # Dynamics at states of motion

@@ -296,6 +296,18 @@ class ForwardDynamicsDerivatives(Kinematics):
     a: ByForces
     lambda_: ByForces
 
+    @property
+    def Fx(self) -> FloatArray:  # noqa: N802
+        """Derivative (2n, 2n) of the rate of the state, coordinates and then their speeds, by the state."""
+        by, n = self.accelerations, len(self.coordinates)
+        above = np.concatenate([np.zeros((n, n)), np.eye(n)], axis=1)
+        return np.concatenate([above, np.concatenate([by.by_coordinates, by.by_speeds], axis=1)])
+
+    @property
+    def Fu(self) -> FloatArray:  # noqa: N802
+        """Derivative (2n, m) of the rate of the state by the forces of the actuators."""
+        return np.concatenate([np.zeros_like(self.accelerations.by_forces), self.accelerations.by_forces])
+
 
 def of_inverse_dynamics(
     setting: Setting,

@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,9 +36,7 @@ from p3dof.loops.coordinates import rounding
 from p3dof.loops.hybrid import ByName, by_name, joint_freedoms
 from p3dof.loops.linear import BoolArray, IndexArray
 from p3dof.loops.loop_model import LoopModel
-
-if TYPE_CHECKING:
-    from p3dof.loops.transmission import Transmission
+from p3dof.loops.transmission import Transmission
 
 
 class _Acting(NamedTuple):
@@ -745,8 +743,6 @@ class ClosedLoopModel(LoopModel):
         AssemblyError
             If the loops do not close at the reference configuration.
         """
-        from p3dof.loops.transmission import Transmission
-
         return Transmission(self, coordinates, actuators, level)
 
     def compiled_for(

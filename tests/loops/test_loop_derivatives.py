@@ -84,6 +84,11 @@ def check_forward(loop, q, coordinates=None, external=None, seed=0, h=1e-3):
         agrees(blocks[0] @ y + blocks[1] @ speeds, expected[:nv], largest(*blocks))
         blocks = [by.accelerations.by_coordinates, by.accelerations.by_speeds]
         agrees(blocks[0] @ y + blocks[1] @ speeds, expected[:nv][index], largest(*blocks))
+        agrees(
+            by.Fx @ np.concatenate((y, speeds)),
+            np.concatenate((speeds, expected[:nv][index])),
+            largest(*blocks),
+        )
         blocks = [by.lambda_.by_coordinates, by.lambda_.by_speeds]
         unique = ~np.isnan(blocks[0]).any(axis=1)
         agrees((blocks[0] @ y + blocks[1] @ speeds)[unique], expected[nv:][unique], largest(*blocks))
@@ -91,6 +96,8 @@ def check_forward(loop, q, coordinates=None, external=None, seed=0, h=1e-3):
         loop.forward_dynamics(q, v, t, external) for t in (tau + push, tau)
     )  # linear in the forces
     agrees(by.a.by_forces @ push, pushed.a - rest.a, largest(pushed.a))
+    felt = np.concatenate((np.zeros(n), (pushed.a - rest.a)[index]))
+    agrees(by.Fu @ push, felt, largest(pushed.a))
     agrees(
         (by.lambda_.by_forces @ push)[unique],
         (pushed.lambda_ - rest.lambda_)[unique],

@@ -151,6 +151,24 @@ def test_forward_dynamics_of_inverse_dynamics_returns_the_acceleration(robot):
             np.testing.assert_allclose(found, a, rtol=0, atol=1e-11 * np.abs(a).max())
 
 
+def test_the_motion_of_the_mechanism_takes_a_motion(robot):
+    motion = p3dof.paper_motion(11)
+    one = robot.mechanism_motion(motion)
+    other = robot.mechanism_motion(motion.pose, motion.velocity, motion.acceleration)
+    joints = robot.inverse_dynamics(motion).joints
+    for name, values in one.position.items():
+        np.testing.assert_array_equal(values, other.position[name])
+        if name in joints.names:
+            k = joints.names.index(name)
+            np.testing.assert_allclose(values, joints.q[:, k], rtol=0, atol=1e-12)
+            np.testing.assert_allclose(one.acceleration[name], joints.a[:, k], rtol=0, atol=1e-11)
+    with pytest.raises(InputError, match="mechanism_motion: a motion has its own velocities"):
+        robot.mechanism_motion(motion, motion.velocity)
+    for more in ((), (motion.velocity,)):
+        with pytest.raises(InputError, match="expected a motion, or poses, velocities and accelerations"):
+            robot.mechanism_motion(motion.pose, *more)
+
+
 def test_independence_of_width(robot):
     wide = p3dof.load(replace(PAPER, geometry=replace(PAPER.geometry, b=0.2)))
     s = random_states(PAPER, 6, 20)
