@@ -214,6 +214,13 @@ _METHODS = """
     }
 """
 
+_TRANSMISSION_METHODS = """
+    /** Begins a transmission at a configuration, whose loops are closed, or where the robot's file has it. */
+    startTransmission(q) {
+        return this.#exports.start_transmission(q === undefined ? 0 : this.#put(q));
+    }
+"""
+
 
 STEPS = 2  # of Newton's method, each time that a motion is followed
 START_STEPS = 10  # of Newton's method, before a motion is followed
@@ -356,6 +363,11 @@ class TransmissionPrinter:
         ]
         return rows
 
+    def exported(self) -> list[Exported]:
+        """Return what WebAssembly has of them."""
+        rows = [*map(self._map_row, _MAPS), *map(self._call_row, _CALLS)]
+        return [Exported(row, "&transmission") for row in rows]
+
     def cases(self, configurations: Sequence[FloatArray]) -> list[_Case]:
         """Return what the self-test calls at closed configurations, of which it moves a little."""
         found = [self._map_case(side, configurations) for side in _MAPS]
@@ -431,7 +443,10 @@ class TransmissionPrinter:
 
     def _map_row(self, side: str) -> Prototype:
         n = (self._n,)
-        given = tuple(Argument(name, shape=n) for name in ("position", "velocity", "acceleration"))
+        given = tuple(
+            Argument(name, shape=n, optional=name != "position")
+            for name in ("position", "velocity", "acceleration")
+        )
         found = tuple(Argument(f"{one.name}_out", shape=n) for one in given)
         name = "_to_".join(_MAPS if side == "joint" else [*_MAPS][::-1])
         return Prototype(name, given, (*found, _TOLD))
@@ -548,6 +563,10 @@ class LoopPrinter:
             arguments = tuple(Argument(name, shape=(size,)) for name, size in kept.items())
             functions.append(Exported(self._follow_row, "&state", arguments))
             state, methods = fill("wasm_state.in", prefix=self.prefix), _METHODS
+        if self.maps is not None:
+            functions += self.maps.exported()
+            state += fill("wasm_transmission.in", prefix=self.prefix)
+            methods += _TRANSMISSION_METHODS
         return WebModule(self.prefix, self.note, functions, dict(enumerate(_STATUSES)), state, methods)
 
     def readme(self) -> str:

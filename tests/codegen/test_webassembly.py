@@ -253,6 +253,35 @@ def test_any_robot(tmp_path):
 
 
 @built
+def test_a_transmission(tmp_path):
+    robot = p3dof.load_robot(GALLERY / "leg.urdf")
+    code = loop_files(robot, prefix="ankle", coordinates=["ankle_pitch", "ankle_roll"])
+    write(tmp_path, code.files, code.web)
+    one = robot.transmission(["ankle_pitch", "ankle_roll"])
+    x = np.linspace([-0.45, 0.0], [-0.1, 0.2], 20)
+    expected = one.joint_to_actuator(x, np.ones_like(x))
+    answer = node(
+        tmp_path,
+        "ankle",
+        [
+            ("startTransmission", one.home.tolist()),
+            ("joint_to_actuator", rows(position=x, velocity=np.ones((1, 2)))),
+            ("joint_to_actuator_forces", rows(forces=[20.0, 5.0])),
+            ("joint_to_actuator", rows(position=[1.5, 0.0])),
+        ],
+    )
+    status, found, forces, far = answer["found"]
+    assert status == 0
+    for name in ("position", "velocity"):
+        values = found[f"{name}_out"].reshape(20, 2)
+        np.testing.assert_allclose(values, getattr(expected, name), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        forces["forces_out"], one.actuator_forces(expected.q[-1], [20.0, 5.0]), rtol=1e-11
+    )
+    assert answer["statuses"][str(int(far["status"][0]))] == "UNREACHED"
+
+
+@built
 def test_a_motion_is_followed(tmp_path):
     robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
     code = loop_files(robot, prefix="bar")
