@@ -50,6 +50,25 @@ window.tipsOf = (paths) => paths.map((path) => {  // of arrows, in the picture: 
 });
 """
 
+BLIND = """{  // without a graphics card drawing in WebGL takes most of the time: only `Watched.see` begins it
+    window.blind = true;
+    const fail = () => { throw new Error("a blind page has no picture"); };
+    const drawn = (canvas) => canvas instanceof HTMLCanvasElement && !canvas.getContext("2d") && fail();
+    const instead = (done, name, ...types) => {
+        for (const {prototype} of types) {
+            const own = prototype[name];
+            prototype[name] = own && function (...given) {
+                return blind && done(this, ...given) || own.apply(this, given);
+            };
+        }
+    };
+    for (const name of Object.getOwnPropertyNames(WebGL2RenderingContext.prototype))
+        if (/^draw(El|Arr|Range)|^readPixels/.test(name))
+            instead(name[0] === "d" ? () => true : fail, name, WebGLRenderingContext, WebGL2RenderingContext);
+    instead((_, source) => drawn(source), "drawImage", CanvasRenderingContext2D);
+    instead(drawn, "toDataURL", HTMLCanvasElement);
+}"""
+
 
 @dataclass
 class Watched:
@@ -58,6 +77,10 @@ class Watched:
     page: Any
     errors: list[str] = field(default_factory=list)
     requests: list[str] = field(default_factory=list)
+
+    def see(self) -> None:
+        """Have WebGL draw from now on, for what looks at pixels."""
+        self.page.evaluate("blind = false")
 
     def place(self, path: str) -> np.ndarray:
         """Where a node of the scene is, relative to the fixed frame of the machine, (4, 4)."""
@@ -113,12 +136,20 @@ def find_chromium() -> str:
 
 @contextlib.contextmanager
 def chromium() -> Iterator[Any]:
-    """A running browser."""
+    """A running browser, whose pages draw in WebGL only from `Watched.see` on."""
     path = find_chromium()
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        own = browser.new_context
+
+        def new_context(**settings: Any) -> Any:
+            context = own(**settings)
+            context.add_init_script(BLIND)
+            return context
+
+        browser.new_context = new_context  # type: ignore[method-assign]
         try:
             yield browser
         finally:

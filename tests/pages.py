@@ -15,6 +15,7 @@ READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 SETTLED = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
 """Comes back when what was changed last is shown."""
 AS_NEW = """() => {
+    window.blind = true;
     const {state} = p3dof;
     if (!window.fresh) {
         const {document, engine, stage, connection, solved, before, report, set, subscribe, refresh, version,

@@ -113,6 +113,7 @@ def test_a_live_page_shows_the_instants_of_a_motion(browser, robot, result):
     player = visualizer.scene.player(result)
     pictures = []
     with opened(browser, visualizer.viewer.url()) as page:
+        page.see()
         for i in (20, 90):
             player.draw(result.time[i])
             expected = bodies(visualizer, result.joints.q[i])
@@ -267,6 +268,7 @@ def test_a_recorded_page_plays_with_no_python_and_no_network(browser, robot, res
     file = scene.record(result, playing=False, at=0.5).save(tmp_path / "motion.html")
     visualizer, pictures = scene.visualizer, []
     with opened(browser, file.as_uri(), ready=RECORDED) as page:
+        page.see()
         page.page.context.set_offline(True)
         check_bodies(page, bodies(visualizer, result.joints.q[50]))  # where it begins
         assert page.page.inner_text("#player output") == "0.50 s"
@@ -513,6 +515,7 @@ def test_the_whole_machine_is_in_the_picture(browser, robot, result, tmp_path, s
     file = Scene(robot).record(result, playing=False).save(tmp_path / "phone.html")
     corners = Scene(robot)._room.corners
     with opened(browser, file.as_uri(), *size, ready=RECORDED) as page:
+        page.see()
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         for i in (0, 20, 90):
             seek(page, result.time[i])

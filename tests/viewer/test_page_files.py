@@ -90,6 +90,7 @@ def test_all_curves_are_a_table_with_their_units(watched, document):
 def test_a_picture_shows_the_instant(watched, label):
     from matplotlib.image import imread
 
+    watched.see()
     pictures = []
     for time in (0.0, 0.8):
         watched.page.evaluate("time => p3dof.seek(time)", time)
@@ -153,6 +154,7 @@ def test_the_scene_is_a_gltf_file_whose_joints_move_as_in_the_document(watched, 
 def test_a_gif_has_one_picture_for_each_instant_and_comes_out_the_same_again(watched):
     from PIL import Image
 
+    watched.see()
     watched.page.evaluate("p3dof.state.set({speed: 4}); p3dof.seek(0.35)")
     first, again = (saved(watched, "GIF")[0] for _ in range(2))
     assert first == again
@@ -168,6 +170,7 @@ def test_a_gif_has_one_picture_for_each_instant_and_comes_out_the_same_again(wat
 
 
 def test_a_film_plays_as_long_as_the_run(watched):
+    watched.see()
     watched.page.evaluate("p3dof.state.set({speed: 2})")
     content, name = saved(watched, "MP4")
     assert name.endswith(".mp4")
@@ -200,6 +203,7 @@ def test_a_film_plays_as_long_as_the_run(watched):
 
 
 def test_a_film_can_be_cancelled_and_leaves_the_time_as_it_was(watched):
+    watched.see()
     watched.page.evaluate("p3dof.state.set({speed: 0.05}); p3dof.seek(0.35)")
     watched.page.get_by_role("button", name="GIF", exact=True).click()
     watched.wait("document.querySelector('.film progress').value > 0")

@@ -7,16 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium, opened
+from browser import chromium
 from numpy.testing import assert_allclose
-from pages import DRAWN, placements
+from pages import DRAWN, SETTLED, as_new, placements, shared
 
 import p3dof
 from p3dof.viewer.document.html import page_html
 from p3dof.viewer.machine.document import page_document
 from p3dof.viewer.machine.room import joints_of
 
-READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 VIEWS = ("3d", "front", "side", "top")
 P = """() => {
     const { state } = p3dof, { left, top } = state.stage.canvas.getBoundingClientRect();
@@ -30,7 +29,6 @@ KNOB = """() => {
     const [x, y] = stage.pixel(stage.contents.handles.knob.position.toArray());
     return [x + left, y + top];
 }"""
-SHOWN = "() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))"
 
 
 @pytest.fixture(scope="module")
@@ -59,16 +57,23 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def watched(browser, written):
-    with opened(browser, written, 1200, 800, ready=READY) as watched:
+@pytest.fixture(scope="module")
+def opened_once(browser, written):
+    with shared(browser, written, 1200, 800) as watched:
         yield watched
-        watched.healthy()
+
+
+@pytest.fixture
+def watched(opened_once):
+    opened_once.page.evaluate("p3dof.state.stage.drawn.delete(window.listener)")
+    as_new(opened_once).page.evaluate("p3dof.state.stage.look('3d')")
+    yield opened_once
+    opened_once.healthy()
 
 
 def shown(watched):
     """Wait until what was changed last is shown."""
-    watched.page.evaluate(SHOWN)
+    watched.page.evaluate(SETTLED)
 
 
 def look(watched, view):
@@ -180,7 +185,7 @@ def test_a_finger_drags_p_and_the_page_does_not_scroll(browser, written):
         for kind, along in (("Start", 0), ("Move", 4), ("Move", 9), ("Move", 15)):
             point = {"x": x + along, "y": y - along}
             client.send("Input.dispatchTouchEvent", {"type": f"touch{kind}", "touchPoints": [point]})
-        page.evaluate(SHOWN)
+        page.evaluate(SETTLED)
         u, v = page.evaluate(P)
         client.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
         assert abs(u - x - 15) < 1
@@ -283,6 +288,7 @@ def test_arrows_are_to_scale_with_their_newtons_at_the_tip_and_inside_the_pictur
 
 
 def test_nothing_hides_an_arrow_from_any_side(watched):
+    watched.see()
     watched.page.evaluate("() => p3dof.seek(0.9)")
     colours = """async (azimuth) => {
         const { state } = p3dof, { stage } = state, gl = stage.renderer.getContext();
@@ -325,6 +331,7 @@ def test_keys_show_the_same_views_as_buttons(watched):
 
 
 def test_a_picture_that_the_driver_loses_is_told_and_comes_back(watched):
+    watched.see()
     note = watched.page.locator("#stage .stage-note")
     assert not note.is_visible()
     watched.page.evaluate("() => { p3dof.seek(0.3); p3dof.state.stage.renderer.forceContextLoss(); }")
@@ -377,8 +384,10 @@ def test_turning_the_camera_leaves_the_named_view_and_time_alone(watched):
 
 
 def test_each_layer_can_be_hidden(watched):
+    watched.see()
     watched.page.evaluate("() => p3dof.seek(0.4)")
     picture = "() => p3dof.state.stage.picture()"
+    before = watched.page.evaluate(picture)
     for name in (
         "machine",
         "frame",
@@ -391,7 +400,6 @@ def test_each_layer_can_be_hidden(watched):
         "section",
         "parallel",
     ):
-        before = watched.page.evaluate(picture)
         box = watched.page.locator(f'#layers input[name="{name}"]')
         box.click()
         shown(watched)
@@ -402,6 +410,7 @@ def test_each_layer_can_be_hidden(watched):
 
 
 def test_dark_is_dark(watched):
+    watched.see()
     ground = """() => { const { stage } = p3dof.state; stage.render(); const gl = stage.renderer.getContext();
         const pixel = new Uint8Array(4); gl.readPixels(2, 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
         return Math.max(...pixel.slice(0, 3)); }"""
@@ -418,7 +427,8 @@ def test_dark_is_dark(watched):
 def test_no_picture_mixes_two_instants_while_the_page_plays(watched, result):
     watched.page.evaluate(
         """() => { const { state } = p3dof, { stage } = state; window.found = [];
-        stage.drawn.add(() => { const now = p3dof.instant(), { joints } = stage.contents.solids;
+        stage.drawn.add(window.listener = () => {
+            const now = p3dof.instant(), { joints } = stage.contents.solids;
             found.push([now.time, state.time, joints[0].matrix.elements[14], now.values.slider_a,
                 stage.contents.arrows.drawn[0].value, now.values.force_a]); });
         state.set({ playing: true, speed: 4 }); }"""
@@ -435,10 +445,10 @@ def test_no_picture_mixes_two_instants_while_the_page_plays(watched, result):
 def test_a_picture_between_a_change_and_its_refresh_shows_one_instant(watched, drawn):
     """A timer or a turned camera may draw when the state has another time, and nothing was put there yet."""
     watched.page.evaluate("() => { p3dof.state.set({ playing: false }); p3dof.seek(0.1); }")
-    watched.page.evaluate(SHOWN)
+    watched.page.evaluate(SETTLED)
     watched.page.evaluate(
         """(drawn) => { const { state } = p3dof, { stage } = state; window.found = [];
-        stage.drawn.add(() => found.push(
+        stage.drawn.add(window.listener = () => found.push(
             [stage.contents.solids.joints[0].matrix.elements[14], p3dof.instant().values.slider_a]));
         if (drawn === "redraw") stage.redraw(); // its frame comes before that of the refresh
         state.set({ time: 0.7 });
@@ -481,7 +491,7 @@ def test_without_webgl_everything_but_the_picture_works(browser, written, result
         assert page.locator("#charts canvas").count() >= 3
         assert page.evaluate("() => p3dof.instant().values.force_a") == pytest.approx(result.forces[100, 0])
         page.evaluate("() => p3dof.state.set({ hand: { pose: [0.02, 0, 0] } })")
-        page.evaluate(SHOWN)
+        page.evaluate(SETTLED)
         assert page.evaluate("() => p3dof.instant().q[0]") != 0.0
         assert errors == []
     finally:

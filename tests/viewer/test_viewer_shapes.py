@@ -380,6 +380,7 @@ def test_a_mesh_is_seen_in_the_page_and_can_be_hidden(folder):
         p3dof.show_robot(loop, JointMotion([0.0], [q]), shapes=path, port=0) as live,
         opened(browser, live.url, 800, 500, ready) as watched,
     ):
+        watched.see()
         shown = red(watched)
         assert shown > 50
         watched.page.uncheck("#layers input[name=shapes]")
