@@ -289,6 +289,7 @@ def test_workspaces_go_with_their_thread_or_their_owner():
     assert made[0]() is None
 
 
+@pytest.mark.usefixtures("young")
 def test_a_robot_that_many_threads_used_goes_and_is_sent_to_processes():
     robot = p3dof.load_robot(GALLERY / "gripper.urdf")
     at_once([robot.assemble] * 2)

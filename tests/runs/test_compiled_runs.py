@@ -193,6 +193,7 @@ def test_accelerations_near_a_singular_partition_are_right_or_the_general_layers
         assert np.abs(found - one).max() <= 2e-12 * np.abs(one).max()
 
 
+@pytest.mark.usefixtures("young")
 def test_a_bound_call_keeps_what_it_reads_and_writes():
     _, compiled = kept("five_bar")
     bound = compiled.bind("inverse_dynamics")

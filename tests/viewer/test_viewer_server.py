@@ -352,7 +352,7 @@ FLOODS = {
 
 
 @pytest.fixture
-def quiet(caplog):
+def quiet(caplog, young):  # noqa: ARG001
     """Nothing is logged, by whomever; also of what is forgotten."""
     yield caplog
     gc.collect()
