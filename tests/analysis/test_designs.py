@@ -114,6 +114,12 @@ CASES = {
     "friction of the machine, under a wrench": ("kept", p3dof.Parameters(
         Geometry(), PAPER.bodies, friction=SLIDING), "kept", [0.0, 5.0, -30.0, 0.0, 2.0, 3.0]),
 }  # fmt: skip
+
+
+def slow(*given):
+    return pytest.param(*given, marks=pytest.mark.slow)
+
+
 each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 
 
@@ -331,11 +337,11 @@ def is_machine(designs, index):
 def test_impossible_are_just_those_designs_that_are_no_machine(case, bodies, machine):
     rng = np.random.default_rng(3)
     designs = Designs(
-        {name: rng.choice(values, 200) for name, values in CHOICES[case].items()}, machine, bodies
+        {name: rng.choice(values, 80) for name, values in CHOICES[case].items()}, machine, bodies
     )
-    found, possible = status_of(designs), [is_machine(designs, index) for index in range(200)]
+    found, possible = status_of(designs), [is_machine(designs, index) for index in range(80)]
     np.testing.assert_array_equal(found == DesignStatus.FEASIBLE, possible)
-    assert 0 < sum(possible) < 200
+    assert 0 < sum(possible) < 80
 
 
 @pytest.mark.parametrize("level", levels())
@@ -422,7 +428,7 @@ def complex_figures(designs, wrench, name):
 
 
 @each_case
-@pytest.mark.parametrize("level", levels())
+@pytest.mark.parametrize("level", [*map(slow, levels()[:-1]), levels()[-1]])
 def test_gradients_equal_complex_steps(case, level):
     designs, wrench = designs_of(case)
     by = [name for name in designs.columns if not name.startswith("limits.")]

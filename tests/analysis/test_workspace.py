@@ -113,7 +113,7 @@ def test_the_largest_box_of_any_tilt_is_the_reference():
     assert SPACE.margin(rng.uniform(low, high, (20_000, 3))).inside.all()
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(SEEDS)
 def test_volume_and_areas_of_random_machines_are_what_random_poses_count(seed):
     rng = np.random.default_rng(seed)
@@ -288,7 +288,7 @@ def test_forces_of_springs_are_demanded_at_every_height():
         assert space.margin(pose).force.min() > -1e-6
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(SEEDS)
 def test_areas_of_random_machines_are_what_random_points_count(seed):
     """At one orientation, at all of a range, at any: points (y, z) at 61 orientations, by joints alone."""

@@ -20,7 +20,7 @@ from p3dof.runs.machine_plants import Equations
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_the_equations_are_those_of_the_arrays(seed):
     machine = replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
     states = random_states(machine, seed, 3)

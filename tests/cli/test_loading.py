@@ -33,6 +33,9 @@ CALLS = {  # the most modules of ours that are loaded, and passed by a second ca
     "p3dof compare --samples 11 --no-plot --out O": (170, 71),
 }
 
+ALIKE = ("compare", "loop codegen", "loop export", "R --motion M --", "* 3)")
+"""Calls that load what another one loads too, and little more: they are slow."""
+
 SCRIPT = """
 import json, shlex, sys
 call = sys.argv[1]
@@ -67,7 +70,9 @@ def folder(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize(
+    "call", [pytest.param(call, marks=[pytest.mark.slow] * any(map(call.count, ALIKE))) for call in CALLS]
+)
 def test_a_call_loads_and_passes_what_it_needs(folder, call):
     if "--figure" in call:
         pytest.importorskip("matplotlib", reason="matplotlib is not installed")

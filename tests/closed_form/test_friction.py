@@ -17,7 +17,7 @@ from p3dof.machine.parameters.machine import dump, parse
 
 
 @given(seed=SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_forces_are_those_without_friction_and_the_resistances(seed):
     smooth = random_machine(seed)
     rough = replace(smooth, friction=random_friction(np.random.default_rng(seed)))
@@ -35,7 +35,7 @@ def test_forces_are_those_without_friction_and_the_resistances(seed):
 
 @pytest.mark.parametrize(("away", "bound"), [({"drop": 0.2, "angle": 0.1}, 1e-10), ({}, 1e-9)])
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_forward_dynamics_is_the_inverse_both_ways(away, bound, seed):
     """Nearer the singular poses the forces grow, and with them what rounding leaves."""
     machine = replace(random_machine(seed), friction=random_friction(np.random.default_rng(seed)))
@@ -162,7 +162,7 @@ def test_files_hold_friction_and_payload():
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_joined_clouds_are_one_cloud(seed):
     rng = np.random.default_rng(seed)
     (m1, p1), (m2, p2) = random_cloud(rng), random_cloud(rng)

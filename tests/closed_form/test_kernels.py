@@ -124,7 +124,7 @@ def test_a_million_random_samples_of_random_machines():
 
 
 @given(seed=SEEDS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_derivatives_are_those_of_the_full_formulas(seed):
     machine = machine_of(seed)
     states = random_states(machine, seed, 8, drop=0.3, angle=0.3)

@@ -21,7 +21,7 @@ def robot():
     return p3dof.load()
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(SEEDS)
 def test_terms_are_those_of_lagrange(seed):
     parameters = random_machine(seed)
@@ -62,7 +62,7 @@ def test_rate_of_m_less_2c_is_skew(seed):
     assert np.abs(N + np.swapaxes(N, -1, -2)).max() <= 1e-7 * np.abs(M_dot).max()
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_forward_of_inverse_dynamics_is_the_identity(seed):
     parameters = random_machine(seed)

@@ -236,7 +236,7 @@ def hold_against_python(library, model, machine, states, tolerance=1e-12):
 
 
 @given(seed=SEEDS, friction=st.booleans())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_any_machine_at_run_time(library, seed, friction):
     machine = general(seed) if friction else random_machine(seed)
     model = library.prepare(machine)
@@ -273,7 +273,7 @@ def test_near_singularities(library):
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_forward_kinematics(library, seed):
     machine = random_machine(seed)
     model, rng, L = library.prepare(machine), np.random.default_rng(seed), machine.geometry.L
@@ -349,7 +349,7 @@ def python_status(function, *arguments):
 
 @pytest.mark.filterwarnings("ignore:beyond what the machine can do")  # more than half a turn
 @given(seed=SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_the_limits_are_those_of_python(library, seed):
     machine, rng = random_machine(seed), np.random.default_rng(seed)
     model, g, full = library.prepare(machine), machine.geometry, p3dof.load(machine)
@@ -428,7 +428,7 @@ def test_null_is_told(library):
 
 
 @given(seed=SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_a_payload_at_run_time(library, seed):
     machine, payload = general(seed), random_machine(seed + 1).bodies.platform
     parameters = CParameters.of(machine)
@@ -442,7 +442,7 @@ def test_a_payload_at_run_time(library, seed):
 
 
 @given(seed=SEEDS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_inertias_that_no_body_has_are_refused(library, seed):
     rng = np.random.default_rng(seed)
     moments, turned = rng.uniform(-0.1, 1, 3), np.linalg.qr(rng.normal(size=(3, 3)))[0]

@@ -51,8 +51,8 @@ def test_a_lone_jerk_gives_the_closed_form(robot):
 @pytest.mark.parametrize(
     ("task", "limits"),
     [
-        (BLENDED, AxisLimits(500, 2, jerk=500)),
-        (SMOOTHER, AxisLimits(120, 1, jerk=[2000, 3000, 1500])),
+        pytest.param(BLENDED, AxisLimits(500, 2, jerk=500), marks=pytest.mark.slow),
+        pytest.param(SMOOTHER, AxisLimits(120, 1, jerk=[2000, 3000, 1500]), marks=pytest.mark.slow),
         (SPLINE, AxisLimits(300, 0.9, 100, jerk=1000)),
     ],
 )

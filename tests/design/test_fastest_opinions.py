@@ -114,7 +114,9 @@ def test_ipopt_finds_the_same_time_with_friction(robot):
     assert own == pytest.approx(float(found["f"]), rel=3e-3)
 
 
-@pytest.mark.parametrize(("task", "within"), [(LINE, 1.5e-3), (SMOOTHER, 1e-2)])
+@pytest.mark.parametrize(
+    ("task", "within"), [(LINE, 1.5e-3), pytest.param(SMOOTHER, 1e-2, marks=pytest.mark.slow)]
+)
 def test_ipopt_finds_no_faster_motion_within_a_jerk(robot, task, within):
     """Steps between fixed places: speed, acceleration and time are unknown, the jerk of s is linear in time.
 

@@ -49,7 +49,10 @@ def _with_r(r: float) -> DesignProblem:
     )
 
 
-@pytest.mark.parametrize(("objective", "bounds", "r", "expected"), ROWS)
+@pytest.mark.parametrize(
+    ("objective", "bounds", "r", "expected"),
+    [pytest.param(*row, marks=[pytest.mark.slow] * (k not in (0, 3, 7, 8))) for k, row in enumerate(ROWS)],
+)
 def test_local_descents_find_the_published_optima(
     objective: str, bounds: dict[str, float], r: float | None, expected: float
 ) -> None:

@@ -81,7 +81,7 @@ def test_energy_balance_is_that_of_lagrange(both):
     assert simpson == pytest.approx(energy[-1] - energy[0], abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(SEEDS)
 def test_methods_agree_on_random_machines(seed):
     """Machines without symmetry over two decades of size; random states and wrenches."""
@@ -118,7 +118,7 @@ def test_what_is_said_of_the_inertia_of_rods_is_so():
         assert f"{np.abs(changed).max():.3f}" == claim
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_methods_agree_near_singular_poses(seed):
     machine = p3dof.load(random_machine(seed))

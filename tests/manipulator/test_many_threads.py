@@ -116,7 +116,7 @@ def test_one_manipulator_in_many_threads(method):
 
     def doors(robot: p3dof.Manipulator, k: int) -> Iterator[Door]:
         draw = np.random.default_rng(k)
-        pose, velocity, acceleration = (size * draw.uniform(-1, 1, (8, 3)) for size in (0.05, 0.5, 3.0))
+        pose, velocity, acceleration = (size * draw.uniform(-1, 1, (4, 3)) for size in (0.05, 0.5, 3.0))
         motion = p3dof.paper_motion(5 + k)
 
         def door(name: str, *given: Any, **options: Any) -> Door:

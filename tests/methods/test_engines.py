@@ -117,8 +117,9 @@ def rates_of_joints(motion, names):
 
 
 @EACH
-@pytest.mark.parametrize("what", ["position", "velocity", "acceleration"])
-@pytest.mark.parametrize("joint", ["hinge_a", "hinge_right", "slide_b"])
+@pytest.mark.parametrize(
+    ("what", "joint"), [("position", "hinge_a"), ("velocity", "hinge_right"), ("acceleration", "slide_b")]
+)
 def test_an_open_loop_is_refused(name, what, joint, monkeypatch):
     def change(true, *given):
         motion = true(*given)

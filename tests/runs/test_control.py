@@ -32,11 +32,13 @@ ENTERED = p3dof.paper_motion(1001).from_rest(0.2)
 OMEGA = 2 * math.pi * 5
 
 
-def followed(controller, method="virtual-power", **limits):
-    control = ControlLoop(1000, **limits)
-    return p3dof.load().simulate(
-        ENTERED.duration, controller=controller, control=control, method=method, samples=1101
-    )
+def followed(controller, method="virtual-power", duration=ENTERED.duration, **limits):
+    options = {
+        "control": ControlLoop(1000, **limits),
+        "method": method,
+        "samples": round(1000 * duration) + 1,
+    }
+    return p3dof.load().simulate(duration, controller=controller, **options)
 
 
 def scaled(factor):
@@ -50,7 +52,11 @@ def plain():
 
 @pytest.mark.parametrize(
     ("method", "controller"),
-    [("virtual-power", ComputedTorque), ("virtual-power", Feedforward), ("pinocchio", ComputedTorque)],
+    [
+        ("virtual-power", ComputedTorque),
+        pytest.param("virtual-power", Feedforward, marks=pytest.mark.slow),  # the command line has it too
+        ("pinocchio", ComputedTorque),
+    ],
 )
 def test_the_inverse_model_makes_errors_hundreds_of_times_smaller(plain, controller, method):
     run = followed(controller(PAPER, ENTERED), method)
@@ -141,14 +147,14 @@ def test_an_integral_takes_away_what_a_wrong_mass_leaves(controller):
     without = robot.simulate(
         3,
         controller=controller(scaled(1.1), still),
-        control=ControlLoop(500),
+        control=ControlLoop(200),
         method="virtual-power",
         samples=31,
     )
     with_it = robot.simulate(
         3,
         controller=controller(scaled(1.1), still, integral_time=0.2),
-        control=ControlLoop(500),
+        control=ControlLoop(200),
         method="virtual-power",
         samples=31,
     )
@@ -206,7 +212,7 @@ def test_a_reference_out_of_reach_is_named():
 
 def test_a_controller_can_be_used_again():
     controller = PD(scaled(1.1), ENTERED, integral_time=0.1)
-    first, second = followed(controller), followed(controller)
+    first, second = (followed(controller, duration=0.4) for _ in range(2))
     np.testing.assert_array_equal(first.pose, second.pose)
 
 
@@ -227,10 +233,11 @@ def test_controllers_and_errors_travel_to_other_processes():
 
 
 def test_equal_seeds_give_equal_noise():
-    runs = [followed(ComputedTorque(PAPER, ENTERED), noise=Noise(1e-6, 1e-3, seed)) for seed in (1, 1, 2)]
+    noisy = [Noise(1e-6, 1e-3, seed) for seed in (1, 1, 2)]
+    runs = [followed(ComputedTorque(PAPER, ENTERED), duration=0.4, noise=noise) for noise in noisy]
     np.testing.assert_array_equal(runs[0].pose, runs[1].pose)
     assert np.any(runs[0].pose != runs[2].pose)
-    exact = followed(ComputedTorque(PAPER, ENTERED))
+    exact = followed(ComputedTorque(PAPER, ENTERED), duration=0.4)
     assert np.abs(runs[0].pose - exact.pose).max() < 1e-3
     assert np.all(runs[0].rms_error > exact.rms_error)
 

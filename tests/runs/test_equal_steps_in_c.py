@@ -114,7 +114,9 @@ def amplification(machine, duration, run, found):
     return max(1.0, max(moved) / 1e-9)
 
 
-@pytest.mark.parametrize("seed", range(64))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=[pytest.mark.slow] * (seed % 2)) for seed in range(64)]
+)
 def test_equal_steps_in_c_are_those_in_python(seed, monkeypatch):
     machine, duration, run = random_run(seed)
     other = in_python(machine, duration, **run)

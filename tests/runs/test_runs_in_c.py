@@ -42,7 +42,7 @@ def test_random_runs_are_those_of_the_integrator_in_python(seed):
     assert difference(*both(seed)) == ""
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(5))
 def test_evaluations_are_those_of_the_integrator_in_python(seed):
     """The middle of four tolerances where the error of a step, from which the next follows, is not rounding.
 
@@ -145,7 +145,7 @@ def test_holds_take_half_the_evaluations_and_no_error(rate, kind):
     assert found.evaluations < 8.5 * 500
 
 
-@pytest.mark.parametrize("seed", [0, 3, 5, 6, 7, 9, 14, 15, 22, 24, 28, 33, 38, 39])
+@pytest.mark.parametrize("seed", [0, 3, 7, 9, 15, 24, 33])
 def test_random_machines_move_as_by_dop853_alone(seed, by_dop853_alone):
     """To rounding, and what the motion makes of it: by how much it multiplies a small error at its start."""
     machine, duration, run = random_run(seed)
