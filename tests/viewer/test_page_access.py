@@ -236,6 +236,9 @@ def test_without_webgl_all_but_the_picture_works(browser, written, result):
             HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
                 return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...rest);
             };""")
+        errors = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
         page.goto(written)
         page.evaluate("p3dof.ready.then(() => true)")
         page.locator('button.peak[data-key="force_b"]').click()
@@ -246,7 +249,11 @@ def test_without_webgl_all_but_the_picture_works(browser, written, result):
         assert_allclose([float(text) for text in shown[::3]], result.forces[sample], atol=0.051)
         assert page.evaluate("p3dof.charts.every(({chart}) => chart.plot.data[0].length > 1000)")
         assert page.get_by_role("button", name="GIF", exact=True).is_disabled()
-        assert "WebGL" in page.locator("#stage").inner_text()
+        assert "no WebGL" in page.locator("#stage").inner_text()
+        page.evaluate("p3dof.state.set({hand: {pose: [0.02, 0, 0]}})")
+        page.evaluate(pages.SETTLED)
+        assert page.evaluate("p3dof.instant().q[0]") != 0.0
+        assert errors == []
     finally:
         context.close()
 

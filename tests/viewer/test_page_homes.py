@@ -107,9 +107,9 @@ def at_home(browser, home, robot, result, folder):
     assert [url for url in outside if not url.startswith(own)] == []
 
 
-@pytest.fixture(params=HOMES)
-def home(request, browser, robot, result, tmp_path):
-    with at_home(browser, request.param, robot, result, tmp_path) as found:
+@pytest.fixture(scope="module", params=HOMES)
+def home(request, browser, robot, result, tmp_path_factory):
+    with at_home(browser, request.param, robot, result, tmp_path_factory.mktemp("home")) as found:
         yield found
 
 

@@ -471,28 +471,3 @@ def test_in_software_edges_are_smooth_when_nothing_moves(watched):
     watched.wait(fine)
     width = watched.page.evaluate("p3dof.state.stage.width")
     assert watched.page.locator("#stage canvas").bounding_box()["width"] == width
-
-
-def test_without_webgl_everything_but_the_picture_works(browser, written, result):
-    context = browser.new_context(viewport={"width": 1200, "height": 800})
-    try:
-        page = context.new_page()
-        page.add_init_script(
-            """{ const own = HTMLCanvasElement.prototype.getContext;
-            HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-                return kind.startsWith("webgl") ? null : own.call(this, kind, ...rest); }; }"""
-        )
-        errors = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
-        page.goto(written)
-        page.evaluate("async () => { await p3dof.ready; p3dof.seek(0.5); }")
-        assert "no WebGL" in page.locator("#stage").inner_text()
-        assert page.locator("#charts canvas").count() >= 3
-        assert page.evaluate("() => p3dof.instant().values.force_a") == pytest.approx(result.forces[100, 0])
-        page.evaluate("() => p3dof.state.set({ hand: { pose: [0.02, 0, 0] } })")
-        page.evaluate(SETTLED)
-        assert page.evaluate("() => p3dof.instant().q[0]") != 0.0
-        assert errors == []
-    finally:
-        context.close()

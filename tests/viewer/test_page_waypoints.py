@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from browser import chromium, opened
+from browser import chromium
 from numpy.testing import assert_allclose
+from pages import as_new, shared
 
 import p3dof
 from p3dof.cli import main
@@ -15,7 +16,6 @@ from p3dof.design.tasks import Task, Waypoint, read_task
 from p3dof.viewer.document.html import page_html
 from p3dof.viewer.machine.document import page_document
 
-READY = "!!window.p3dof && p3dof.ready.then(() => true)"
 MACHINE = p3dof.Manipulator()
 LIMITS = MACHINE.parameters.limits
 RUN = """() => {
@@ -41,11 +41,20 @@ def browser():
         yield browser
 
 
-@pytest.fixture
-def watched(browser, written):
-    with opened(browser, written, 1400, 1500, ready=READY) as watched:
+@pytest.fixture(scope="module")
+def opened_once(browser, written):
+    with shared(browser, written, 1400, 1500) as watched:
         yield watched
-        watched.healthy()
+
+
+@pytest.fixture
+def watched(opened_once):
+    opened_once.page.evaluate("""() => {
+        const {document} = p3dof.state;
+        p3dof.state.set({document: {...document, runs: document.runs.slice(0, 1)}, run: 0});
+    }""")
+    yield as_new(opened_once)
+    opened_once.healthy()
 
 
 def refreshed(watched):
