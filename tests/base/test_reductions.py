@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import p3dof
@@ -54,6 +54,7 @@ KINDS = [
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+@settings(max_examples=30)
 @given(seed=SEEDS)
 def test_the_order_of_merging_changes_no_bit(kind, seed):
     columns = data(seed)
@@ -94,6 +95,7 @@ def dominated(one, others):
 
 
 @pytest.mark.parametrize("names", ["a", "ab", "abc", "abcd"])
+@settings(max_examples=30)
 @given(seed=SEEDS)
 def test_a_pareto_archive_is_what_no_item_beats(names, seed):
     columns = data(seed, 120)

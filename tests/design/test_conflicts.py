@@ -79,7 +79,9 @@ def given_way(problem: DesignProblem, name: str, by: float) -> DesignProblem:
     return new
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=[pytest.mark.slow] * (k in (1, 3, 5))) for k, case in enumerate(CASES)]
+)
 def test_what_is_named_is_irreducible_and_gives_way_by_the_least_amount(case: str) -> None:
     relations, measures, expected = CASES[case]
     problem = lengths_problem(relations, measures)

@@ -8,7 +8,7 @@ import pickle
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from machines import SEEDS, random_machine
 from parameter_files import ACCEPTED, REFUSED, VALIDATOR
 
@@ -59,6 +59,7 @@ def assert_same_machine(one, other):
     assert len(one.payloads) == len(other.payloads)
 
 
+@settings(max_examples=40)
 @given(SEEDS)
 def test_plain_data_hold_every_bit_also_through_json(seed):
     machine = rich_machine(seed)
