@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 import os
 import re
@@ -58,6 +59,20 @@ def young():
     gc.freeze()
     yield
     gc.unfreeze()
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures of reports away, which take nearly all of the time."""
+    from p3dof.report import assessment, page, templates
+
+    blank = templates.Picture("data:,", "nothing", "nothing", 1, 1)
+    for module, name, kind in (
+        (page, "pictures_of", templates.Pictures),
+        (assessment, "_pictures", assessment.AssessmentPictures),
+    ):
+        made = kind(*[blank] * len(dataclasses.fields(kind)))
+        monkeypatch.setattr(module, name, lambda *_, made=made: made)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

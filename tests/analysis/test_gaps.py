@@ -211,6 +211,7 @@ class Words(HTMLParser):
             self.lines.append(data.strip())
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_tells_no_peak_and_says_why_at_its_top(files, tmp_path, capsys):
     page = tmp_path / "r.html"
     arguments = ("--motion", files / "crossing_samples.csv", "--no-animation", "--out", page)

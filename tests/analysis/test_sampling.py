@@ -305,6 +305,7 @@ def test_samples_fix_the_number_for_poses_only(files, capsys):
     assert "its rows are the samples" in err
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     "command", ["forces", "energy", "compare", "reactions", "plots", "simulate", "report", "show"]
 )

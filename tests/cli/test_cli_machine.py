@@ -293,6 +293,7 @@ def test_a_motion_that_starts_at_rest_gets_no_ramp(tmp_path, capsys):
 # --- motors and counterbalances on the command line ---------------------------------------------------------
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_armature_and_counterbalance_take_the_place_of_the_file_s(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     own = p3dof.machine.Actuators({"sliders": 5.0}, {"sliders": 10.0}, {"slide_a": 100.0})

@@ -256,7 +256,7 @@ def test_what_it_was_started_to_ignore_does_not_end_it(name):
         signal.signal(number, before)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 @pytest.mark.usefixtures("ctrl_c")
 def test_any_robot_is_served_until_it_is_told_to_end(number):
     with running_loop(GALLERY / "gripper.urdf", "--set", "left_drive=0.5", "--closure-forces") as (

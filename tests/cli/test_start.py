@@ -33,6 +33,7 @@ def started(tmp_path, monkeypatch, capsys):
     return tmp_path
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_init_prints_commands_that_work_on_its_files(started, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     told = re.findall(r"^  p3dof (.*)", run(capsys, "init", "--force")[1], re.MULTILINE)

@@ -231,7 +231,7 @@ def starting(folder, module, *before):
 
 
 @pytest.mark.skipif(sys.platform.startswith("win"), reason="POSIX signals")
-@pytest.mark.parametrize("module", ["p3dof.cli", "p3dof.report.plots"])
+@pytest.mark.parametrize("module", ["p3dof.cli", pytest.param("p3dof.report.plots", marks=pytest.mark.slow)])
 def test_in_the_background_of_a_script_ctrl_c_is_for_others(tmp_path, module):
     """A shell lets what it starts with & ignore Ctrl-C: it ends what is in front."""
     script = 'trap "" INT; exec "$0" "$@"'

@@ -212,6 +212,7 @@ def test_the_table_has_every_rating_of_machine_task_and_drive(forces):
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_limits_of_a_task_count_in_plan_size_and_report(files, capsys):
     """A task within the limits of the machine, and not within its own."""
     assert run(capsys, "plan", "task.yaml", "--duration", 2, "--samples", 201)[0] == 0
@@ -460,6 +461,7 @@ def test_the_command_answers_first(files, capsys):
 
 
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_a_task_alone_and_the_fastest(files, capsys):
     code, out, _ = run(
         capsys, "report", "task.yaml", "--fastest", "--samples", 201, "--out", "r.html", "--no-animation"
@@ -472,6 +474,7 @@ def test_a_task_alone_and_the_fastest(files, capsys):
     assert "<script" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.usefixtures("undrawn")
 def test_a_motion_with_drives(files, capsys):
     code, out, _ = run(
@@ -500,6 +503,7 @@ def test_a_task_is_printed(files, capsys):
         assert re.search(rf"pick and place +1 ?/ ?{pages}\s*$", first)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_bad_input_is_one_line_and_leaves_nothing(files, capsys):
     before = sorted(files.rglob("*"))
     (files / "file").touch()

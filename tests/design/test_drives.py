@@ -565,6 +565,7 @@ def test_the_command_says_that_nothing_fits(capsys, tmp_path, monkeypatch):
     assert "does not fit" in out.splitlines()[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_names_the_rating_that_is_broken(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "task.yaml").write_text(PICK_AND_PLACE, encoding="utf-8")

@@ -36,7 +36,11 @@ def lossy(robot):
 
 @pytest.mark.parametrize(
     ("force", "speed", "nodes", "expected", "within"),
-    [(500, 2, 800, 0.20529, 1e-5), (120, 1, 300, 0.47872, 2e-4), (200, 1.5, 400, 0.32812, 4e-5)],
+    [
+        pytest.param(500, 2, 800, 0.20529, 1e-5, marks=pytest.mark.slow),
+        (120, 1, 300, 0.47872, 2e-4),
+        (200, 1.5, 400, 0.32812, 4e-5),
+    ],
 )
 def test_the_least_time_of_a_blended_path(robot, force, speed, nodes, expected, within):
     """Found elsewhere by two ways, TOPP-RA and an interior-point method, equal to 2e-6."""

@@ -319,7 +319,7 @@ def test_finer_grids_have_all_samples_and_poses_of_the_coarse_ones_and_some_betw
 
 
 def test_problems_go_to_other_processes() -> None:
-    problem = paper_problem(objectives=list(MEASURES), constraints=())
+    problem = paper_problem(objectives=list(MEASURES), constraints=(), motion=p3dof.paper_motion(21))
     again = pickle.loads(pickle.dumps(problem))  # noqa: S301 - our own
     np.testing.assert_array_equal(again.evaluate(NEAR).objectives, problem.evaluate(NEAR).objectives)
 

@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import threading
-from dataclasses import fields
 from datetime import datetime, timezone
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -28,7 +27,6 @@ from p3dof._base.errors import FileError, InputError, MissingExtraError, ReachEr
 from p3dof._base.tables import number
 from p3dof.analysis.reactions import JOINTS
 from p3dof.cli import main
-from p3dof.report.templates import Picture, Pictures
 
 NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
 
@@ -70,14 +68,6 @@ def full_page(robot, motion):
 @pytest.fixture(scope="module")
 def html(robot, motion):
     return full_page(robot, motion)
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leaves the pictures away, which take nearly all of the time."""
-    blank = Picture("data:,", "nothing", "nothing", 1, 1)
-    pictures = Pictures(*[blank] * len(fields(Pictures)))
-    monkeypatch.setattr("p3dof.report.page.pictures_of", lambda *_: pictures)
 
 
 @pytest.fixture(scope="module")
