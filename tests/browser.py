@@ -122,7 +122,7 @@ def until(page: Any, condition: Callable[[], object], seconds: float = 60.0) -> 
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never came to that"
-        page.wait_for_timeout(5)
+        page.wait_for_timeout(50)
 
 
 def find_chromium() -> str:

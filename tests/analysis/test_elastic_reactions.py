@@ -215,7 +215,7 @@ def exact_wrenches(springs, load):
     return np.array([-(k @ (D @ u)) for k, D in blocks], dtype=float)
 
 
-@pytest.mark.parametrize("seed", range(100, 112))
+@pytest.mark.parametrize("seed", range(100, 106))
 def test_with_payloads_and_tilted_gravity_and_balls_they_are_exact(seed):
     """Stiffness of each kind a tenth to ten times as large; what rigid bodies determine stays as it is."""
     rng = np.random.default_rng(seed)

@@ -363,12 +363,8 @@ def test_the_same_input_gives_the_same_bytes(machine):
 @pytest.mark.parametrize(
     ("prefix", "command"),
     [
-        ("p3dof", ("codegen",)),
-        pytest.param(
-            "bar",
-            ("loop", "codegen", str(GALLERY / "four_bar.urdf"), "--prefix", "bar"),
-            marks=pytest.mark.slow,
-        ),
+        pytest.param("p3dof", ("codegen",), marks=pytest.mark.slow),  # a page of the documentation has it
+        ("bar", ("loop", "codegen", str(GALLERY / "four_bar.urdf"), "--prefix", "bar")),
     ],
 )
 def test_on_the_command_line(capsys, tmp_path, prefix, command):

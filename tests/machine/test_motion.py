@@ -267,7 +267,7 @@ def test_a_single_wrong_pose_where_an_acceleration_jumps_is_caught(jump):
         Motion(t, p, v, a)
 
 
-@pytest.mark.parametrize("n", [7, 100, 100_000])
+@pytest.mark.parametrize("n", [7, 100, 20_000])
 @pytest.mark.parametrize("duration", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("offset", [0.0, 0.1, 1e3])
 def test_a_column_that_stands_still_passes(n, duration, offset):
