@@ -97,7 +97,11 @@ def seek(page, time):
 
 
 def pixels(page):
-    return np.asarray(headless.as_image(page.page.screenshot())).astype(int)
+    page.see()
+    page.page.evaluate("viewer.render()")
+    picture = page.page.screenshot()
+    page.page.evaluate("blind = true")
+    return np.asarray(headless.as_image(picture)).astype(int)
 
 
 def colours(picture):
@@ -113,7 +117,6 @@ def test_a_live_page_shows_the_instants_of_a_motion(browser, robot, result):
     player = visualizer.scene.player(result)
     pictures = []
     with opened(browser, visualizer.viewer.url()) as page:
-        page.see()
         for i in (20, 90):
             player.draw(result.time[i])
             expected = bodies(visualizer, result.joints.q[i])
@@ -132,7 +135,6 @@ def test_a_live_page_shows_the_instants_of_a_motion(browser, robot, result):
                 atol=1e-6,
             )
             check_arrows(page, visualizer.scene.scale, result, i)
-            page.page.evaluate("viewer.render()")
             pictures.append(pixels(page))
         page.healthy()
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 40).mean() > 0.005
@@ -268,7 +270,6 @@ def test_a_recorded_page_plays_with_no_python_and_no_network(browser, robot, res
     file = scene.record(result, playing=False, at=0.5).save(tmp_path / "motion.html")
     visualizer, pictures = scene.visualizer, []
     with opened(browser, file.as_uri(), ready=RECORDED) as page:
-        page.see()
         page.page.context.set_offline(True)
         check_bodies(page, bodies(visualizer, result.joints.q[50]))  # where it begins
         assert page.page.inner_text("#player output") == "0.50 s"
@@ -515,7 +516,6 @@ def test_the_whole_machine_is_in_the_picture(browser, robot, result, tmp_path, s
     file = Scene(robot).record(result, playing=False).save(tmp_path / "phone.html")
     corners = Scene(robot)._room.corners
     with opened(browser, file.as_uri(), *size, ready=RECORDED) as page:
-        page.see()
         assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         for i in (0, 20, 90):
             seek(page, result.time[i])
