@@ -307,13 +307,13 @@ def linkage_of(loop: LoopT, names: Sequence[str]) -> LoopT:
         tied = tied.union(*more)
     q = loop.regular_configuration
     joints = [(str(name), joint) for name, joint in zip(model.names[1:], list(model.joints)[1:], strict=True)]
-    free = {
+    locked = {
         name: q[joint.idx_q : joint.idx_q + joint.nq]
         for name, joint in joints
         if not tied & {*range(joint.idx_v, joint.idx_v + joint.nv)}
     }
     placed = loop._with_reference(q)
-    return placed.lock(free) if free else placed
+    return placed.lock(locked) if locked else placed
 
 
 def _bare(loop: LoopModel, names: Iterable[str]) -> LoopModel:
@@ -771,7 +771,7 @@ class Transmission(Generic[LoopT]):
                 errors[i] = InputError(f"transmission: expected finite numbers, sample {i} has others")
             else:
                 margin = float(found["margin"][i, 0])
-                errors[i] = self._failure(side, rows[0][i], start, bool(good[i]), margin)
+                errors[i] = self._failure(side, rows[0][i], start if single else None, bool(good[i]), margin)
             if single:
                 raise errors[i]
         found |= {"q": q, "position": position}
@@ -783,14 +783,16 @@ class Transmission(Generic[LoopT]):
         return MappedMotion(**chosen, errors=errors)
 
     def _failure(
-        self, side: Side, values: FloatArray, start: FloatArray, good: bool, margin: float
+        self, side: Side, values: FloatArray, start: FloatArray | None, good: bool, margin: float
     ) -> P3dofError:
-        """Return why a sample has no result."""
+        """Return why a sample has no result; with a start, after a search for one on other branches."""
         told = ", ".join(f"{name}={value:.4g}" for name, value in zip(side.names, values, strict=True))
         if good:
             return SingularityError(
                 f"transmission: at {told} the motion is not determined: margin {margin:.2g}"
             )
+        if start is None:
+            return AssemblyError(f"transmission: the linkage does not reach {told} on its branch")
         try:
             self.robot.assemble(dict(zip(side.names, values.tolist(), strict=True)), guess=start)
         except AssemblyError as error:
