@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +14,7 @@ from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError, ModelError, P3dofError
 from p3dof.codegen.frame import INDENT, Argument, Prototype, definition, groups, indented, leave, with_build
 from p3dof.codegen.naming import CPU, checked_prefix, fill, fingerprint, number_table, origin, wave
+from p3dof.codegen.precision import DOUBLE, SINGLE, Precision, precision_of
 from p3dof.codegen.webassembly import Exported, WebModule
 from p3dof.loops import ClosedLoopModel, CompiledLoop
 from p3dof.loops.assembly import Limits
@@ -32,6 +32,7 @@ _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
 """Of the motion that is followed: samples a second, amplitude [m or rad], number."""
 _TOLERANCE = 1e-9  # largest error, of the largest entry of a result
+_ROUNDINGS = 16.0  # by how much another order of roundings may be worse than that of NumPy
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,7 @@ class _Case(NamedTuple):
     sizes: list[int]  # of the groups of results that are compared
     results: int  # how many numbers come out at most
     run: str  # C that calls it
+    rounding: float = 0.0  # relative error that single precision makes
 
 
 def selftest(
@@ -83,7 +85,7 @@ def selftest(
         "functions": str(len(cases)),
         "inputs": str(max(case.given.shape[1] for case in cases)),
         "results": str(max(case.results for case in cases)),
-        "tolerance": repr(_TOLERANCE),
+        "tolerance": repr(max(_TOLERANCE, _ROUNDINGS * max(case.rounding for case in cases))),
         "tables": "\n\n".join(tables),
         "runs": "\n".join(case.run for case in cases),
         "rows": "\n".join(rows),
@@ -293,15 +295,19 @@ _MAPS = {
 class TransmissionPrinter:
     """The parts of a robot's C that map between coordinates and actuators."""
 
-    def __init__(self, transmission: Transmission[ClosedLoopModel], prefix: str) -> None:
+    def __init__(
+        self, transmission: Transmission[ClosedLoopModel], prefix: str, precision: Precision
+    ) -> None:
         self.transmission, self._p, self._P = transmission, prefix, prefix.upper()
+        self._precision, single = precision, precision is SINGLE
         self._n, self._nq = len(transmission.coordinates), transmission.robot.model.nq
         self._calls = {
             name: replace(getattr(transmission, side).function(kind), name=name)
             for name, (side, kind, _) in _CALLS.items()
         }
+        kinds = {kind: f"single_{kind}" if single and kind == "motion" else kind for kind in MAPS}
         self._steps = [
-            replace(getattr(transmission, side).function(kind), name=f"{side}_{kind}")
+            replace(getattr(transmission, side).function(kinds[kind]), name=f"{side}_{kind}")
             for side in _MAPS
             for kind in MAPS
         ]
@@ -319,6 +325,10 @@ class TransmissionPrinter:
     def _shared(self) -> dict[str, str]:
         return {"prefix": self._p, "PREFIX": self._P, "n": str(self._n), "nq": str(self._nq)}
 
+    @property
+    def _rounding(self) -> float:
+        return 32.0 * self._precision.epsilon if self._precision is SINGLE else 0.0
+
     def definitions(self) -> str:
         """Return the functions."""
         step = self._steps[1]
@@ -327,7 +337,7 @@ class TransmissionPrinter:
         maps = [
             core_of(
                 "transmission.in",
-                **mapping_text(self.transmission, side),
+                **mapping_text(self.transmission, side, self._rounding),
                 **statuses,
                 compute="compute_",
                 one="",
@@ -380,15 +390,31 @@ class TransmissionPrinter:
             )
             sizes = [one.size for one in self._call_row(name).outputs[:-1]]
             expected = np.array([function.on_arrays(*row)[: sum(sizes)] for row in rows], dtype=float)
+            rounded = self._rounded(function, rows, expected, sizes)
             run = self._run_text(
-                self._call_row(name), f"memcpy(state.q, in, {self._nq} * sizeof *in);", self._nq
+                self._call_row(name), f"memcpy(state.q, given, {self._nq} * sizeof *given);", self._nq
             )
-            found.append(_Case(name, rows, expected, sizes, len(function.results), run))
+            found.append(_Case(name, rows, expected, sizes, len(function.results), run, rounded))
         return found
+
+    def _rounded(
+        self, function: Function, rows: FloatArray, expected: FloatArray, sizes: Sequence[int], at: int = 0
+    ) -> float:
+        """Return the largest error, of the largest entry of a group of results, in single precision."""
+        if self._precision is not SINGLE:
+            return 0.0
+        worst = float(self._precision.epsilon)
+        for row, wanted in zip(rows, expected, strict=True):
+            values = np.array(function.on_arrays(*row.astype(np.float32)), dtype=float)
+            for size, stop in zip(sizes, np.cumsum(sizes), strict=True):
+                group = slice(int(stop) - size, int(stop))
+                off = np.abs(values[group] - wanted[at:][group]).max(initial=0.0)
+                worst = max(worst, float(off / np.abs(wanted[at:][group]).max(initial=1e-300)))
+        return worst
 
     def _map_case(self, side: str, configurations: Sequence[FloatArray]) -> _Case:
         """Return a direction, whose results are those of the general layer."""
-        robot, n, given, expected = self.transmission.robot, self._n, [], []
+        robot, n, given, expected, closed = self.transmission.robot, self._n, [], [], []
         values = [getattr(self.transmission, one).settle.values for one in _MAPS]
         own, other = (getattr(self.transmission, one).names for one in (side, *set(_MAPS) - {side}))
         index = {str(name): int(robot.model.idx_vs[i]) for i, name in enumerate(robot.model.names)}
@@ -403,39 +429,58 @@ class TransmissionPrinter:
             state = robot.complete(target, motion[1], motion[2], guess=q)
             rates = [[x[index[name]] for name in other] for x in (state.v, state.a)]
             given.append(np.concatenate([q, *at, *motion]))
+            closed.append(state.q)
             expected.append(np.concatenate([values[1 - [*_MAPS].index(side)](state.q[None])[0], *rates]))
         fields = ("q", "joint", "actuator")
         places = (0, self._nq, self._nq + n)
         copied = " ".join(
-            f"memcpy(state.{one}, &in[{place}], sizeof state.{one});"
+            f"memcpy(state.{one}, &given[{place}], sizeof state.{one});"
             for one, place in zip(fields, places, strict=True)
         )
         run = self._run_text(self._map_row(side), copied, self._nq + 2 * n)
-        return _Case(self._map_row(side).name, np.array(given), np.array(expected), [n] * 3, 3 * n, run)
+        step, results = self._steps[2 * [*_MAPS].index(side) + 1], np.array(expected)
+        rows = np.array([np.concatenate([q, row[-2 * n :]]) for q, row in zip(closed, given, strict=True)])
+        rounded = self._rounded(step, rows, results, [n, n], at=n)
+        return _Case(self._map_row(side).name, np.array(given), results, [n] * 3, 3 * n, run, rounded)
 
     def _run_text(self, row: Prototype, state: str, place: int) -> str:
         """Return what calls a function from a row of numbers into another, perhaps with a NULL."""
-        inputs, outputs = [], []
+        real, inputs, outputs = self._precision.real, [], []
         for one in row.inputs:
-            inputs.append(f"&in[{place}]")
+            inputs.append(f"&given[{place}]")
             place += one.size
-        place = 0
+        size = 0
         for one in row.outputs[:-1]:
-            outputs.append(f"&out[{place}]")
-            place += one.size
+            outputs.append(f"&found[{size}]")
+            size += one.size
         outputs[0] = f"(missing == 2) ? NULL : {outputs[0]}"
         call = f",\n{2 * INDENT}".join(["(missing == 1) ? NULL : &state", *inputs, *outputs, "NULL"])
         head = f"static {self._p}_status run_{row.name}(const double *in, double *out, int missing)"
-        lines = [f"{self._p}_transmission state;", "memset(&state, 0, sizeof state);", state]
-        return definition(head, [*lines, f"return {self._p}_{row.name}(\n{2 * INDENT}{call});"])
+        lines = [
+            f"{self._p}_transmission state;",
+            f"{real} given[{max(place, 1)}], found[{size}];",
+            f"{self._p}_status status;",
+            "size_t i;",
+            f"for (i = 0U; i < {place}U; ++i) {{",
+            f"{INDENT}given[i] = ({real})in[i];",
+            "}",
+            "memset(&state, 0, sizeof state);",
+            state,
+            f"status = {self._p}_{row.name}(\n{2 * INDENT}{call});",
+            f"for (i = 0U; (status == {self._P}_OK) && (i < {size}U); ++i) {{",
+            f"{INDENT}out[i] = (double)found[i];",
+            "}",
+            "return status;",
+        ]
+        return definition(head, lines)
 
     def _limits(self) -> dict[str, list[float]]:
-        model, endless = self.transmission.robot.model, sys.float_info.max
+        model, least, endless = self.transmission.robot.model, self._precision.least, self._precision.largest
         places = list(self.transmission.actuator.followed)
         upper, lower = np.array(model.upperEffortLimit)[places], np.array(model.lowerEffortLimit)[places]
         return {
-            "upper": np.clip(upper, sys.float_info.min, endless).tolist(),
-            "lower": np.clip(lower, -endless, -sys.float_info.min).tolist(),
+            "upper": np.clip(upper, least, endless).tolist(),
+            "lower": np.clip(lower, -endless, -least).tolist(),
         }
 
     def _map_head(self, side: str) -> str:
@@ -501,10 +546,11 @@ class LoopPrinter:
         functions: Sequence[Function],
         note: str,
         transmission: Transmission[ClosedLoopModel] | None = None,
+        precision: Precision = DOUBLE,
     ) -> None:
         self.robot, self.compiled, self.prefix, self.functions = robot, compiled, prefix, functions
-        self.note = note
-        self.maps = None if transmission is None else TransmissionPrinter(transmission, prefix)
+        self.note, self.precision = note, precision
+        self.maps = None if transmission is None else TransmissionPrinter(transmission, prefix, precision)
         names = {function.name for function in functions}
         self.follows = compiled.determined and names >= set(FOLLOWING)
 
@@ -532,7 +578,8 @@ class LoopPrinter:
             declared.append(self.maps.declarations())
         shared = self._shared
         told = "\n".join(f" * {line}".rstrip() for line in self._orders())
-        return fill("loop_header.in", **shared, told=told, declarations="\n".join(declared))
+        text = fill("loop_header.in", **shared, told=told, declarations="\n".join(declared))
+        return self.precision.code(text)
 
     def source(self) -> str:
         """Return the functions."""
@@ -544,14 +591,18 @@ class LoopPrinter:
             calls.append(self._following())
         if self.maps is not None:
             calls.append(self.maps.definitions())
-        return fill(
+        single = self.precision is SINGLE
+        narrow = fill("sine_cosine_float.in").replace("sine_cosine(", "sincos_one(") if single else wave()
+        text = fill(
             "loop_source.in",
             **self._shared,
-            wave=wave() if used & {"sin", "cos"} else "",
+            wave=narrow if used & {"sin", "cos"} else "",
+            suffix="f" if single else "",
             computations=computed,
             functions="\n".join(calls).rstrip(),
-            **_position_limits(self.robot),
+            **_position_limits(self.robot, self.precision.largest),
         )
+        return self.precision.code(text)
 
     def web(self) -> WebModule:
         """Return what the WebAssembly offers."""
@@ -759,9 +810,9 @@ def _wrapped(head: str, parts: Sequence[str], width: int) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def _position_limits(robot: ClosedLoopModel) -> dict[str, str]:
+def _position_limits(robot: ClosedLoopModel, endless: float) -> dict[str, str]:
     """Return the limits of q as C has them, for the joints with one coordinate."""
-    known, endless = Limits(robot.model), sys.float_info.max
+    known = Limits(robot.model)
     lower, upper = np.full(robot.model.nq, -endless), np.full(robot.model.nq, endless)
     lower[known.q] = np.clip(known.lower, -endless, endless)
     upper[known.q] = np.clip(known.upper, -endless, endless)
@@ -794,6 +845,7 @@ def loop_files(
     cpu: str = CPU,
     coordinates: Iterable[str] | None = None,
     actuators: Iterable[str] | None = None,
+    precision: str = "double",
 ) -> LoopCode:
     """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
     if not robot.model.nv:
@@ -802,14 +854,17 @@ def loop_files(
     if coordinates is not None:
         transmission = robot.transmission(coordinates, actuators, "numpy")
         robot = transmission.robot
-    elif actuators is not None:
+    kind = precision_of(precision)
+    if kind is SINGLE and (transmission is None or functions is not None):
+        raise InputError("float: single precision is for --coordinates alone, without --functions")
+    if transmission is None and actuators is not None:
         raise InputError("actuators: expected coordinates, too, whose actuators they are")
     compiled = robot.compile(external=external, joint_forces=joint_forces, inertias=inertias, level="numpy")
     name = _prefix(robot, prefix)
     wanted = [] if transmission is not None and functions is None else _chosen(compiled, functions)
     chosen = [compiled.function(one) for one in wanted]
     note = origin(command or f"{MARK.split('`')[1]} --prefix {name}", f"robot {_fingerprint(robot)}", MARK)
-    printer = LoopPrinter(robot, compiled, name, chosen, note, transmission)
+    printer = LoopPrinter(robot, compiled, name, chosen, note, transmission, kind)
     c = {
         f"{name}.h": printer.header(),
         f"{name}.c": printer.source(),

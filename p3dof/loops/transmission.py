@@ -21,7 +21,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -136,14 +136,16 @@ def _moving(build: Builder, robot: Robot, given: Sequence[int]) -> _Moving:
     return _Moving(at, moving.needed, all_v, all_a)
 
 
-def _motion(robot: Robot, given: Sequence[int], others: Sequence[int]) -> Function:
+def _motion(
+    robot: Robot, given: Sequence[int], others: Sequence[int], closed: float = CLOSED * FOLLOWED
+) -> Function:
     """Return speeds, accelerations and Jacobian of the others from the motion of what is given."""
     build = Builder()
     found = _moving(build, robot, given)
     build.give("velocity", [found.v[place] for place in others])
     build.give("acceleration", [found.a[place] for place in others])
     build.give("jacobian", [entry for row in _jacobian(found.at, given, others) for entry in row])
-    build.evidence(found.at, CLOSED * FOLLOWED)
+    build.evidence(found.at, closed)
     return build.function("motion")
 
 
@@ -217,6 +219,7 @@ def _dynamics(robot: Robot, given: Sequence[int], _others: Sequence[int]) -> Fun
 
 FUNCTIONS: Mapping[str, Callable[[Robot, Sequence[int], Sequence[int]], Function]] = {
     "motion": _motion,
+    "single_motion": partial(_motion, closed=CLOSED),  # in single precision loops close less well
     "close": _close,
     "forces": _forces,
     "gains": _gains,
@@ -333,8 +336,11 @@ _PIECE, _MOST, _TRIES, _STEPS = 0.2, 16, 48, 8
 """Longest piece [rad, or share of the unit of length], most of these, most tries, most steps of each."""
 
 
-def mapping_text(transmission: Transmission[Any], key: str) -> dict[str, object]:
-    """Return what the template of a direction of a transmission, in C, is filled with."""
+def mapping_text(transmission: Transmission[Any], key: str, rounding: float = 0.0) -> dict[str, object]:
+    """Return what the template of a direction of a transmission, in C, is filled with.
+
+    `rounding`: what numbers of single precision leave of corrections that would be zero [m or rad].
+    """
     side: Side = getattr(transmission, key)
     places, nq, n = side.follow_places(), transmission.robot.model.nq, len(side.names)
     pieces = [_PIECE * (side.length if slides else 1.0) for slides in side.slides]
@@ -352,8 +358,8 @@ def mapping_text(transmission: Transmission[Any], key: str) -> dict[str, object]
         "steps": _STEPS,
         "first": repr(LARGEST_CORRECTION),
         "contraction": repr(CONTRACTION),
-        "nearly": repr(CONVERGING),
-        "last": repr(CONVERGED),
+        "nearly": repr(max(CONVERGING, 4.0 * rounding)),
+        "last": repr(max(CONVERGED, rounding)),
         "turn": repr(2.0 * np.pi),
     }
 
@@ -699,8 +705,9 @@ class Transmission(Generic[LoopT]):
         InputError
             If there is no such direction or function.
         """
-        if side not in ("joint", "actuator") or name not in FUNCTIONS:
-            known = f"'joint' or 'actuator' and one of {', '.join(FUNCTIONS)}"
+        known_functions = [one for one in FUNCTIONS if "single" not in one]
+        if side not in ("joint", "actuator") or name not in known_functions:
+            known = f"'joint' or 'actuator' and one of {', '.join(known_functions)}"
             raise InputError(f"traced: expected {known}, got {shown(side)} and {shown(name)}")
         function: Function = getattr(self, side).function(name)
         flat = function_of(function.tape, function.symbols, function.results, namespace)

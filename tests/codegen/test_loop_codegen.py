@@ -39,10 +39,11 @@ def written(tmp_path_factory):
         "gripper": {"functions": ["inverse_dynamics", "tangent_of_forces", "motion", "step", "integrate"]},
         "stewart": {"external": ["platform"], "joint_forces": True, "inertias": ["platform_free"]},
         "ankle": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "ankle"},
+        "single": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "single", "precision": "float"},
     }
     for name, options in jobs.items():
         (base / name).mkdir()
-        robot = gallery("leg" if name == "ankle" else name)
+        robot = gallery("leg" if "coordinates" in options else name)
         for file, text in loop_files(robot, **options).files.items():
             (base / name / file).write_text(text, encoding="utf-8")
     return base
@@ -340,6 +341,25 @@ def test_on_the_command_line(capsys, tmp_path):
     status, _, error = codegen()
     assert (status, error.count("\n")) == (2, 1)
     assert (out / "README.md").read_text(encoding="utf-8") == "mine"
-    for wrong in (["--functions", "x"], ["--prefix", "a b"], ["--external", "x"], ["--inertia", "x"]):
+    for wrong, words in (
+        (["--functions", "x"], "functions: expected some of"),
+        (["--prefix", "a b"], "prefix: expected"),
+        (["--external", "x"], "external"),
+        (["--inertia", "x"], "inertia"),
+        (["--coordinates", "x"], "the joint 'x' does not exist"),
+        (["--coordinates", "rocker_joint,"], "the joint '' does not exist"),
+        (["--actuators", "crank_joint"], "actuators: expected coordinates, too"),
+        (["--float"], "single precision is for --coordinates alone"),
+        (
+            ["--float", "--coordinates", "rocker_joint", "--functions", "step"],
+            "single precision is for --coordinates alone",
+        ),
+        (["--float", "--coordinates", "rocker_joint", "--wasm"], "JavaScript's numbers are doubles"),
+    ):
         status, _, error = codegen("--force", *wrong)
         assert (status, error.count("\n")) == (2, 1)
+        assert words in error
+    assert codegen("--force", "--coordinates", "rocker_joint", "--actuators", "crank_joint")[0] == 0
+    head = (out / "bar.h").read_text(encoding="utf-8")
+    assert "--coordinates rocker_joint --actuators crank_joint" in head
+    assert "bar_joint_to_actuator(" in head

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from p3dof._base.errors import InputError
 from p3dof._base.tables import table_of
 from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
 from p3dof.cli.loop import loop
@@ -46,6 +47,7 @@ from p3dof.loops import ClosedLoopModel
 @click.option(
     "--actuators", help="Actuators behind --coordinates, with commas; all of the linkage by default."
 )
+@click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
 @CPU
 @WASM
 @CHECK
@@ -61,15 +63,21 @@ def codegen(
     inertias: tuple[str, ...],
     coordinates: str | None,
     actuators: str | None,
+    single: bool,
     cpu: str,
     wasm: bool,
     check: bool,
     force: bool,
 ) -> int:
     """Generate C99 code of the dynamics of a robot, loop closures solved, with a self-test program."""
-    lists = functions, coordinates, actuators
-    chosen, *ends = (None if one is None else [name.strip() for name in one.split(",")] for one in lists)
-    code = loop_files(robot, prefix, chosen, external, joint_forces, inertias, _command(), cpu, *ends)
+    chosen, ends, others = (
+        None if one is None else [name.strip() for name in one.split(",")]
+        for one in (functions, coordinates, actuators)
+    )
+    if wasm and single:
+        raise InputError("--wasm: JavaScript's numbers are doubles: leave --float out")
+    kind, loads = "float" if single else "double", (external, joint_forces, inertias)
+    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind)
     job = Generated.of(code.files, out, MARK, WebFiles(code.web), wasm)
     if check:
         return print_check({out: job.differences()})
@@ -100,6 +108,7 @@ def _command() -> str:
         "--inertia": given["inertias"],
         "--coordinates": given["coordinates"],
         "--actuators": given["actuators"],
+        "--float": given["single"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
     }
     name = " ".join(["p3dof loop codegen", *(shlex.quote(file) for file in files if file)])
