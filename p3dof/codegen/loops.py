@@ -420,17 +420,21 @@ class TransmissionPrinter:
         index = {str(name): int(robot.model.idx_vs[i]) for i, name in enumerate(robot.model.names)}
         for i, q in enumerate(configurations):
             at = [one(q[None])[0] for one in values]
-            motion = [
-                at[[*_MAPS].index(side)] + 0.02 * np.cos(np.arange(n) + i),
-                np.cos(np.arange(n) - i),
-                np.sin(np.arange(n) + i),
-            ]
-            target = dict(zip(own, motion[0].tolist(), strict=True))
-            state = robot.complete(target, motion[1], motion[2], guess=q)
-            rates = [[x[index[name]] for name in other] for x in (state.v, state.a)]
-            given.append(np.concatenate([q, *at, *motion]))
+            start, rates = at[[*_MAPS].index(side)], [np.cos(np.arange(n) - i), np.sin(np.arange(n) + i)]
+            for share in (1.0, -1.0, 0.1, -0.1, 0.0):  # near where the way ends, back or not at all
+                moved = start + share * 0.02 * np.cos(np.arange(n) + i)
+                try:
+                    target = dict(zip(own, moved.tolist(), strict=True))
+                    state = robot.complete(target, rates[0], rates[1], guess=q)
+                except P3dofError:
+                    continue
+                break
+            else:
+                raise ModelError("coordinates: no motion of them was found to test the code with")
+            motion = [[x[index[name]] for name in other] for x in (state.v, state.a)]
+            given.append(np.concatenate([q, *at, moved, *rates]))
             closed.append(state.q)
-            expected.append(np.concatenate([values[1 - [*_MAPS].index(side)](state.q[None])[0], *rates]))
+            expected.append(np.concatenate([values[1 - [*_MAPS].index(side)](state.q[None])[0], *motion]))
         fields = ("q", "joint", "actuator")
         places = (0, self._nq, self._nq + n)
         copied = " ".join(
