@@ -32,7 +32,7 @@ _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
 """Of the motion that is followed: samples a second, amplitude [m or rad], number."""
 _TOLERANCE = 1e-9  # largest error, of the largest entry of a result
-_ROUNDINGS = 16.0  # by how much another order of roundings may be worse than that of NumPy
+_ROUNDINGS = 64.0  # by how much another order of roundings may be worse than that of NumPy
 
 
 @dataclass(frozen=True, eq=False)
@@ -420,7 +420,8 @@ class TransmissionPrinter:
         index = {str(name): int(robot.model.idx_vs[i]) for i, name in enumerate(robot.model.names)}
         for i, q in enumerate(configurations):
             at = [one(q[None])[0] for one in values]
-            start, rates = at[[*_MAPS].index(side)], [np.cos(np.arange(n) - i), np.sin(np.arange(n) + i)]
+            start = at[[*_MAPS].index(side)]
+            rates = [1.0 + 0.5 * np.cos(np.arange(n) - i), 1.0 + 0.5 * np.sin(np.arange(n) + i)]
             for share in (1.0, -1.0, 0.1, -0.1, 0.0):  # near where the way ends, back or not at all
                 moved = start + share * 0.02 * np.cos(np.arange(n) + i)
                 try:
@@ -442,7 +443,10 @@ class TransmissionPrinter:
             for one, place in zip(fields, places, strict=True)
         )
         run = self._run_text(self._map_row(side), copied, self._nq + 2 * n)
-        step, results = self._steps[2 * [*_MAPS].index(side) + 1], np.array(expected)
+        close, step = self._steps[2 * [*_MAPS].index(side) :][:2]
+        results = np.array(expected)
+        for _ in range(3 if self._precision is SINGLE else 0):  # as near as its roundings let it come
+            closed = [np.array(close.on_arrays(*q.astype(np.float32))[: self._nq], float) for q in closed]
         rows = np.array([np.concatenate([q, row[-2 * n :]]) for q, row in zip(closed, given, strict=True)])
         rounded = self._rounded(step, rows, results, [n, n], at=n)
         return _Case(self._map_row(side).name, np.array(given), results, [n] * 3, 3 * n, run, rounded)
