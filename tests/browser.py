@@ -54,19 +54,15 @@ BLIND = """{  // without a graphics card drawing in WebGL takes most of the time
     window.blind = true;
     const fail = () => { throw new Error("a blind page has no picture"); };
     const drawn = (canvas) => canvas instanceof HTMLCanvasElement && !canvas.getContext("2d") && fail();
-    const instead = (done, name, ...types) => {
-        for (const {prototype} of types) {
-            const own = prototype[name];
-            prototype[name] = own && function (...given) {
-                return blind && done(this, ...given) || own.apply(this, given);
-            };
-        }
+    const change = (type, name, then) => {
+        const {prototype} = type, own = prototype[name];
+        prototype[name] = function (...all) { return blind && then(this, ...all) || own.apply(this, all); };
     };
-    for (const name of Object.getOwnPropertyNames(WebGL2RenderingContext.prototype))
-        if (/^draw(El|Arr|Range)|^readPixels/.test(name))
-            instead(name[0] === "d" ? () => true : fail, name, WebGLRenderingContext, WebGL2RenderingContext);
-    instead((_, source) => drawn(source), "drawImage", CanvasRenderingContext2D);
-    instead(drawn, "toDataURL", HTMLCanvasElement);
+    for (const type of [WebGLRenderingContext, WebGL2RenderingContext])
+        for (const name of Object.getOwnPropertyNames(type.prototype))
+            if (/^draw[EAR]|^readPixels/.test(name)) change(type, name, name[0] === "d" ? () => true : fail);
+    change(CanvasRenderingContext2D, "drawImage", (_, source) => drawn(source));
+    change(HTMLCanvasElement, "toDataURL", drawn);
 }"""
 
 

@@ -15,7 +15,6 @@ from urllib.parse import quote_plus, unquote, urlsplit
 import api_examples
 import click
 import pytest
-from browser import chromium
 from documents import ROOT
 from sphinx.util.inventory import InventoryFile
 
@@ -210,12 +209,6 @@ def address(site):
         threading.Thread(target=server.serve_forever).start()
         yield f"http://127.0.0.1:{server.server_port}"
         server.shutdown()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as found:
-        yield found
 
 
 def test_searches_find_the_right_page_first(browser, address):

@@ -61,6 +61,15 @@ def young():
     gc.unfreeze()
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """A browser for the tests of a file."""
+    from browser import chromium
+
+    with chromium() as running:
+        yield running
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the pictures of reports away, which take nearly all of the time."""

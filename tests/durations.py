@@ -96,12 +96,15 @@ class Measuring:
             ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)  # PR_SET_CHILD_SUBREAPER
 
     @pytest.hookimpl(wrapper=True)
-    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[object]) -> Iterator[None]:
+    def pytest_fixture_setup(
+        self, fixturedef: pytest.FixtureDef[object], request: pytest.FixtureRequest
+    ) -> Iterator[None]:
         begin, nested = processor_time(), self._shared
         result = yield
         if fixturedef.scope != "function":
             seconds = processor_time() - begin - (self._shared - nested)
-            key = f"{fixturedef.baseid}::{fixturedef.argname}"
+            of = request.node.nodeid if fixturedef.scope == "module" else fixturedef.baseid
+            key = f"{of}::{fixturedef.argname}"
             self.fixtures[key] = self.fixtures.get(key, 0.0) + seconds
             self._shared += seconds
         return result

@@ -116,10 +116,6 @@ CASES = {
 }  # fmt: skip
 
 
-def slow(*given):
-    return pytest.param(*given, marks=pytest.mark.slow)
-
-
 each_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 
 
@@ -428,7 +424,9 @@ def complex_figures(designs, wrench, name):
 
 
 @each_case
-@pytest.mark.parametrize("level", [*map(slow, levels()[:-1]), levels()[-1]])
+@pytest.mark.parametrize(
+    "level", [*(pytest.param(one, marks=pytest.mark.slow) for one in levels()[:-1]), levels()[-1]]
+)
 def test_gradients_equal_complex_steps(case, level):
     designs, wrench = designs_of(case)
     by = [name for name in designs.columns if not name.startswith("limits.")]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import chromium
 from html_pages import HOSTILE, Page
 from rich.console import Console
 
@@ -200,20 +199,19 @@ def test_one_table_on_a_page_and_on_a_terminal(capsys):
 
 
 @pytest.mark.parametrize(("scheme", "ink"), [("dark", "rgb(221, 221, 221)"), ("light", "rgb(17, 17, 17)")])
-def test_a_browser_shows_the_colours_of_the_notebook(shown, scheme, ink):
+def test_a_browser_shows_the_colours_of_the_notebook(browser, shown, scheme, ink):
     """Text, lines and background of every cell follow the page around it."""
     ground = {"dark": "rgb(17, 17, 17)", "light": "rgb(255, 255, 255)"}[scheme]
     html = shown["both reactions"]._repr_html_()
-    with chromium() as browser:
-        page = browser.new_page()
-        page.set_content(f"<!DOCTYPE html><body style='background:{ground};color:{ink}'>{html}</body>")
-        cells = page.eval_on_selector_all(
-            ".p3dof :is(th, td, caption, p)",
-            "all => all.map(one => [getComputedStyle(one).color, getComputedStyle(one).backgroundColor])",
-        )
-        edges = page.eval_on_selector_all(
-            ".p3dof tbody td", "all => all.map(one => getComputedStyle(one).borderBottomWidth)"
-        )
+    page = browser.new_page()
+    page.set_content(f"<!DOCTYPE html><body style='background:{ground};color:{ink}'>{html}</body>")
+    cells = page.eval_on_selector_all(
+        ".p3dof :is(th, td, caption, p)",
+        "all => all.map(one => [getComputedStyle(one).color, getComputedStyle(one).backgroundColor])",
+    )
+    edges = page.eval_on_selector_all(
+        ".p3dof tbody td", "all => all.map(one => getComputedStyle(one).borderBottomWidth)"
+    )
     assert len(cells) > 200
     assert {tuple(cell) for cell in cells} == {(ink, "rgba(0, 0, 0, 0)")}
     assert set(edges) == {"1px"}

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from browser import chromium
 
 from p3dof._base.tracing.python import function_of
 from p3dof._base.tracing.tape import FUNCTIONS, Tape
@@ -26,11 +25,10 @@ RUN = """async ([bytes, calls]) => {
 
 
 @pytest.fixture(scope="module")
-def page():
-    with chromium() as running:
-        page = running.new_page()
-        yield page
-        page.close()
+def page(browser):
+    page = browser.new_page()
+    yield page
+    page.close()
 
 
 def traced(count, formula):

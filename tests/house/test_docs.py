@@ -16,10 +16,8 @@ DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
 ELSEWHERE = {"gallery.md": "test_gallery.py"}
 """Pages that another test runs, and reads the numbers of."""
-_LONG = (
-    *("gpu", "better-machines", "choose-drives", "drives-and-bearings", "workspace-and-indices"),
-    *("derivatives-of-any-robot", "plan-a-task", "sweeps-of-millions", "see-any-robot"),
-)
+_LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "workspace-and-indices"
+_LONG += "derivatives-of-any-robot", "plan-a-task", "sweeps-of-millions", "see-any-robot"
 SLOW = dict.fromkeys((f"{stem}.md" for stem in _LONG), pytest.mark.slow)
 """Other tests hold what these say, and they take long."""
 TOLD = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]

@@ -50,16 +50,9 @@ def plain():
     return followed(PD(PAPER, ENTERED))
 
 
-@pytest.mark.parametrize(
-    ("method", "controller"),
-    [
-        ("virtual-power", ComputedTorque),
-        pytest.param("virtual-power", Feedforward, marks=pytest.mark.slow),  # the command line has it too
-        ("pinocchio", ComputedTorque),
-    ],
-)
-def test_the_inverse_model_makes_errors_hundreds_of_times_smaller(plain, controller, method):
-    run = followed(controller(PAPER, ENTERED), method)
+@pytest.mark.parametrize("method", ["virtual-power", "pinocchio"])
+def test_the_inverse_model_makes_errors_hundreds_of_times_smaller(plain, method):
+    run = followed(ComputedTorque(PAPER, ENTERED), method)
     assert run.finished
     assert np.all(run.peak_error < plain.peak_error / 1000)
     assert np.all(run.rms_error < plain.rms_error / 1000)

@@ -15,7 +15,7 @@ import threading
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium, find_chromium, opened, until
+from browser import find_chromium, opened, until
 from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, four_bar, four_bar_q
 from documents import ROOT
 
@@ -34,12 +34,6 @@ GALLERY = ROOT / "docs/_static/gallery"
 STATIC = ROOT / "docs/_static"
 PHONE = 390, 844
 RECORDED = "!!window.viewer && viewer.animator.duration > 0 && !!document.getElementById('player')"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

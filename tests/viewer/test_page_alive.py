@@ -9,7 +9,7 @@ import closure_robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium, opened
+from browser import opened
 from gallery import GALLERY
 
 import p3dof
@@ -53,12 +53,6 @@ STATE = """([q, v, tau]) => {
     const found = engine.accelerated(at, Float64Array.from(v), tau);
     return { a: [...found.a], lambda: [...found.lambda], tau: [...engine.inverse(at, v, found.a)] };
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture

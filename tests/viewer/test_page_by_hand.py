@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pages
 import pytest
-from browser import chromium, opened
+from browser import opened
 from numpy.testing import assert_allclose
 
 import p3dof
@@ -51,12 +51,6 @@ def result():
 @pytest.fixture(scope="module")
 def written(result, tmp_path_factory):
     return pages.written(tmp_path_factory.mktemp("pages"), result, slower=pages.slower(51, 2.0))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pages
 import pytest
-from browser import chromium, opened
+from browser import opened
 from documents import ROOT
 from numpy.testing import assert_allclose
 
@@ -50,12 +50,11 @@ def result(machine):
 
 
 @pytest.fixture(scope="module")
-def opened_page(result, tmp_path_factory):
-    with chromium() as browser:
-        address = pages.written(tmp_path_factory.mktemp("pages"), result, slower=pages.slower())
-        with pages.shared(browser, address) as watched:
-            watched.wait("document.querySelectorAll('.plot canvas').length === 3")
-            yield watched
+def opened_page(browser, result, tmp_path_factory):
+    address = pages.written(tmp_path_factory.mktemp("pages"), result, slower=pages.slower())
+    with pages.shared(browser, address) as watched:
+        watched.wait("document.querySelectorAll('.plot canvas').length === 3")
+        yield watched
 
 
 @pytest.fixture

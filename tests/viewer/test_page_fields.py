@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pages
 import pytest
-from browser import chromium, opened
+from browser import opened
 from playwright.sync_api import expect
 
 import p3dof
@@ -16,12 +16,6 @@ ALARMS = {"light": "rgb(185, 28, 28)", "dark": "rgb(248, 113, 113)"}
 def written(tmp_path_factory):
     result = p3dof.Manipulator().inverse_dynamics(p3dof.paper_motion(101))
     return pages.written(tmp_path_factory.mktemp("pages"), result, slower=pages.slower(51, 2.0))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import struct
 import numpy as np
 import pages
 import pytest
-from browser import chromium, opened
+from browser import opened
 from numpy.testing import assert_allclose
 from page_documents import curve_of, placements
 
@@ -37,12 +37,6 @@ def written(document, tmp_path_factory):
     path = tmp_path_factory.mktemp("pages") / "page.html"
     path.write_text(page_html(document), encoding="utf-8")
     return path.as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from browser import chromium, opened
+from browser import opened
 
 import p3dof
 
@@ -46,12 +46,6 @@ window.guestsDrawn = () => {
     return count;
 };
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from browser import chromium, until
+from browser import until
 
 import p3dof
 from p3dof import report
@@ -41,12 +41,6 @@ class Home:
 
     def wait(self, script, argument=None):
         self.frame.wait_for_function(script, arg=argument, timeout=60_000)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

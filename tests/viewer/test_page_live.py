@@ -6,7 +6,7 @@ import base64
 
 import numpy as np
 import pytest
-from browser import chromium, opened, until
+from browser import opened, until
 
 pytest.importorskip("tornado", reason="tornado is not installed")
 
@@ -80,12 +80,6 @@ def answered(question):
     if abs(height) > 1.0:
         raise InputError("rail: expected -1 to 1 m")
     return {"q": np.array([height]), "values": {"force": 10 * height}}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium, opened
+from browser import opened
 from gallery import GALLERY
 
 import p3dof
@@ -18,12 +18,6 @@ from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.document.motion import JointMotion, held
 
 READY = "!!window.p3dof && p3dof.ready.then(() => p3dof.state.connection.open)"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ import sys
 
 import numpy as np
 import pytest
-from browser import chromium, opened, until
+from browser import opened, until
 
 from p3dof._base.errors import MissingExtraError
 from p3dof.viewer.document.html import Page
@@ -50,12 +50,6 @@ async ([esm, title]) => {
     window.listening = () => (listeners.get("msg:custom") || []).length;
 }
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium
 from numpy.testing import assert_allclose
 from pages import DRAWN, SETTLED, as_new, placements, shared
 
@@ -49,12 +48,6 @@ def written(machine, result, tmp_path_factory):
     document = page_document(machine, result, runs={"mirrored": other})
     path.write_text(page_html(document), encoding="utf-8")
     return path.as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import chromium, opened
+from browser import opened
 from gallery import GALLERY
 from numpy.testing import assert_allclose
 from pages import DRAWN, READY, SETTLED, placements
@@ -35,12 +35,6 @@ SEEN = """([place, point]) => {
     const [x, y] = stage.pixel(at);
     return [x + left, y + top];
 }"""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 def written(folder, document):

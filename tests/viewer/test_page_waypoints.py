@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from browser import chromium
 from numpy.testing import assert_allclose
 from pages import as_new, shared
 
@@ -33,12 +32,6 @@ def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("pages") / "page.html"
     path.write_text(page_html(page_document(MACHINE, p3dof.paper_motion(101))), encoding="utf-8")
     return path.as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import chromium, opened
+from browser import opened
 from numpy.testing import assert_allclose
 
 import p3dof
@@ -35,12 +35,6 @@ def written(tmp_path_factory):
                 curve["values"] = encoded(1.01 * decoded(curve["values"]))
     path.with_name("other.html").write_text(page_html(document), encoding="utf-8")
     return path.as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ pytest.importorskip("meshcat", reason="meshcat is not installed")
 pytest.importorskip("yourdfpy", reason="yourdfpy is not installed")
 pytest.importorskip("trimesh", reason="trimesh is not installed")
 import trimesh
-from browser import chromium, opened
+from browser import opened
 from documents import ROOT
 
 from p3dof.viewer import JointMotion
@@ -371,12 +371,11 @@ def test_meshes_of_an_sdf_are_found_by_their_model_and_beside_included_files(fol
     assert note == "1 shape is not shown: ../secret.stl: outside of the folders given"
 
 
-def test_a_mesh_is_seen_in_the_page_and_can_be_hidden(folder):
+def test_a_mesh_is_seen_in_the_page_and_can_be_hidden(folder, browser):
     path = folder / "four_bar.urdf"
     loop, q = loop_of(path), robots.four_bar_q(0.7, *robots.FOUR_BAR)
     ready = "!!window.p3dof && p3dof.ready.then(() => true)"
     with (
-        chromium() as browser,
         p3dof.show_robot(loop, JointMotion([0.0], [q]), shapes=path, port=0) as live,
         opened(browser, live.url, 800, 500, ready) as watched,
     ):
