@@ -21,6 +21,7 @@ POLICIES = get_args(OnInvalid)  # the two
 
 LEGS = ("a", "b", "c")
 
+REACH_TOLERANCE = 1e-14  # share of a leg's length by which it must reach farther than a pose demands
 ACTUATION_TOLERANCE = 1e-6
 """Angle from the actuation singularity below which forces are refused [rad].
 

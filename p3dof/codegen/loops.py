@@ -587,7 +587,7 @@ class LoopPrinter:
         shared = self._shared
         told = "\n".join(f" * {line}".rstrip() for line in self._orders())
         text = fill("loop_header.in", **shared, told=told, declarations="\n".join(declared))
-        return self.precision.code(text)
+        return text if self.precision is DOUBLE else self.precision.code(text)
 
     def source(self) -> str:
         """Return the functions."""
@@ -610,7 +610,7 @@ class LoopPrinter:
             functions="\n".join(calls).rstrip(),
             **_position_limits(self.robot, self.precision.largest),
         )
-        return self.precision.code(text)
+        return text if self.precision is DOUBLE else self.precision.code(text)
 
     def web(self) -> WebModule:
         """Return what the WebAssembly offers."""
@@ -862,7 +862,7 @@ def loop_files(
     if coordinates is not None:
         transmission = robot.transmission(coordinates, actuators, "numpy")
         robot = transmission.robot
-    kind = precision_of(precision)
+    kind = DOUBLE if precision == "double" else precision_of(precision)
     if kind is SINGLE and (transmission is None or functions is not None):
         raise InputError("float: single precision is for --coordinates alone, without --functions")
     if transmission is None and actuators is not None:

@@ -16,8 +16,7 @@ import numpy as np
 
 from p3dof._base.checks import shown
 from p3dof._base.errors import InputError, ParameterError
-from p3dof._base.samples import ACTUATION_TOLERANCE
-from p3dof.closed_form.kinematics.validity import REACH_TOLERANCE
+from p3dof._base.samples import ACTUATION_TOLERANCE, REACH_TOLERANCE
 
 
 @dataclass(frozen=True)

@@ -652,3 +652,9 @@ def test_bad_requests_are_one_line(tmp_path, capsys):
     assert not (tmp_path / "x").exists()
     with pytest.raises(FileError, match="not generated"):
         write_generated(controller_files(PAPER), foreign, controller.MARK)
+
+
+def test_the_six_entries_of_an_inertia_stand_by_rows():
+    from p3dof.codegen import selftest
+
+    assert [*selftest._ENTRIES] == [*zip(*(rows.tolist() for rows in np.triu_indices(3)), strict=True)]

@@ -363,3 +363,4 @@ def test_on_the_command_line(capsys, tmp_path):
     head = (out / "bar.h").read_text(encoding="utf-8")
     assert "--coordinates rocker_joint --actuators crank_joint" in head
     assert "bar_joint_to_actuator(" in head
+    assert "crank_joint (q), coupler_joint (q), rocker_joint (q)" in head

@@ -15,12 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.algebra import components
 from p3dof._base.checks import FloatArray, Readable
-from p3dof._base.samples import ACTUATION_TOLERANCE, OnInvalid, raise_out_of_reach, raise_singular
+from p3dof._base.samples import (
+    ACTUATION_TOLERANCE,
+    REACH_TOLERANCE,
+    OnInvalid,
+    raise_out_of_reach,
+    raise_singular,
+)
 from p3dof.closed_form.paper.formulas import Configuration, Lengths, configuration
 from p3dof.machine.motion.states import States, states_of
 from p3dof.machine.parameters import Geometry
-
-REACH_TOLERANCE = 1e-14  # share of a leg's length by which it must reach farther than a pose demands
 
 
 @dataclass(frozen=True, eq=False)
