@@ -64,7 +64,7 @@ def selftest(
     states, prefix, cases = _states(robot, compiled), printer.prefix, list[_Case]()
     for function in functions:
         given, expected, sizes = _table(robot, compiled, function, states)
-        run = _run(prefix, function)
+        run = _run(prefix, printer.row(function))
         cases.append(_Case(function.name, given, expected, sizes, len(function.results), run))
     if printer.maps is not None:
         cases += printer.maps.cases([state.q for state in states])
@@ -151,22 +151,44 @@ def _table(
     return np.array(given), np.array(expected), sizes
 
 
-def _run(prefix: str, function: Function) -> str:
-    """Return what calls a function from a row of numbers into another, perhaps with a NULL."""
-    inputs, outputs, place = [], [], 0
-    for size in function.inputs.values():
-        inputs += [f"&in[{place}]"] * (size > 0)
-        place += size
-    place = 0
-    for name, size in function.outputs.items():
-        outputs += [f"&out[{place}]"] * (size > 0 and name not in EVIDENCE)
-        place += size
-    inputs[0] = "(missing == 1) ? NULL : in"
-    outputs[-1] = f"(missing == 2) ? NULL : {outputs[-1]}"
-    told = ["NULL"] if "margin" in function.outputs else []
-    head = f"static {prefix}_status run_{function.name}(const double *in, double *out, int missing)"
-    call = f",\n{2 * INDENT}".join([*inputs, *outputs, *told])
-    return definition(head, [f"return {prefix}_{function.name}(\n{2 * INDENT}{call});"])
+def _run(
+    prefix: str, row: Prototype, precision: Precision = DOUBLE, state: Sequence[tuple[str, int]] = ()
+) -> str:
+    """Return what calls a function from a row of numbers into another, perhaps with a NULL.
+
+    `state`: what of the ``state`` of a transmission the row begins with, and its size; without, the function
+    takes none.
+    """
+    narrow, real = precision is SINGLE, precision.real
+    source, target = ("given", "found") if narrow else ("in", "out")
+    inputs, outputs, kept, place, size = ["&state"] * bool(state), list[str](), list[str](), 0, 0
+    for name, count in state:
+        kept.append(f"memcpy(state.{name}, &{source}[{place}], sizeof state.{name});")
+        place += count
+    for one in row.inputs:
+        inputs.append(f"&{source}[{place}]")
+        place += one.size
+    for one in row.outputs:
+        outputs += [] if one is _TOLD else [f"&{target}[{size}]"]
+        size += 0 if one is _TOLD else one.size
+    inputs[0] = f"(missing == 1) ? NULL : {inputs[0]}"
+    outputs[0] = f"(missing == 2) ? NULL : {outputs[0]}"
+    arguments = [*inputs, *outputs, *["NULL"] * (_TOLD in row.outputs)]
+    call = f"{prefix}_{row.name}(\n{2 * INDENT}" + f",\n{2 * INDENT}".join(arguments) + ");"
+    lines = [f"{prefix}_transmission state;", "memset(&state, 0, sizeof state);", *kept] if state else []
+    if narrow:
+        rounded = [f"for (i = 0U; i < {place}U; ++i) {{", f"{INDENT}given[i] = ({real})in[i];", "}"]
+        back = [
+            f"for (i = 0U; (status == {prefix.upper()}_OK) && (i < {size}U); ++i) {{",
+            f"{INDENT}out[i] = (double)found[i];",
+            "}",
+        ]
+        declared = [f"{real} given[{place}], found[{size}];", f"{prefix}_status status;", "size_t i;"]
+        lines = [*lines[:1], *declared, *rounded, *lines[1:], f"status = {call}", *back, "return status;"]
+    else:
+        lines.append(f"return {call}")
+    head = f"static {prefix}_status run_{row.name}(const double *in, double *out, int missing)"
+    return definition(head, lines)
 
 
 def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) -> str:
@@ -286,6 +308,7 @@ _CALLS = {
     ),
 }
 """What maps forces and gains where a transmission is: its direction, its function there, what it gives."""
+_OTHER = {"joint": "actuator", "actuator": "joint"}  # side of a transmission
 _MAPS = {
     "joint": "Motion of the actuators for one of the coordinates, at rest where it is NULL; moves on there.",
     "actuator": "Motion of the coordinates for one of the actuators, likewise.",
@@ -306,12 +329,13 @@ class TransmissionPrinter:
             for name, (side, kind, _) in _CALLS.items()
         }
         kinds = {kind: f"single_{kind}" if single and kind == "motion" else kind for kind in MAPS}
-        self._steps = [
-            replace(getattr(transmission, side).function(kinds[kind]), name=f"{side}_{kind}")
+        self._steps = {
+            name: replace(getattr(transmission, side).function(kinds[kind]), name=name)
             for side in _MAPS
             for kind in MAPS
-        ]
-        self.functions = [*self._steps, *self._calls.values()]
+            for name in [f"{side}_{kind}"]
+        }
+        self.functions = [*self._steps.values(), *self._calls.values()]
 
     def declarations(self) -> str:
         """Return the struct, and what works with it."""
@@ -331,7 +355,7 @@ class TransmissionPrinter:
 
     def definitions(self) -> str:
         """Return the functions."""
-        step = self._steps[1]
+        step = self._steps["joint_motion"]
         shared = {**self._shared, "results": str(len(step.results))}
         statuses = {"unreached": f"{self._P}_UNREACHED", "singular": f"{self._P}_SINGULAR"}
         maps = [
@@ -345,8 +369,8 @@ class TransmissionPrinter:
             for side in _MAPS
         ]
         maps += [
-            fill("loop_map.in", **shared, head=f"{self._map_head(side)}", side=side, other=other)
-            for side, other in zip(_MAPS, [*_MAPS][::-1], strict=True)
+            fill("loop_map.in", **shared, head=self._map_head(side), side=side, other=other)
+            for side, other in _OTHER.items()
         ]
         limits = {name: ", ".join(map(repr, row)) for name, row in self._limits().items()}
         own = fill(
@@ -364,8 +388,8 @@ class TransmissionPrinter:
     def rows(self) -> list[str]:
         """Return what the README has of them."""
         rows = [
-            f"| `{self._p}_{self._map_row(side).name}` | {function.operations} | {text} |"
-            for (side, text), function in zip(_MAPS.items(), self._steps[1::2], strict=True)
+            f"| `{self._p}_{side}_to_{_OTHER[side]}` | {self._steps[f'{side}_motion'].operations} | {text} |"
+            for side, text in _MAPS.items()
         ]
         rows += [
             f"| `{self._p}_{name}` | {self._calls[name].operations} | {text} |"
@@ -391,9 +415,7 @@ class TransmissionPrinter:
             sizes = [one.size for one in self._call_row(name).outputs[:-1]]
             expected = np.array([function.on_arrays(*row)[: sum(sizes)] for row in rows], dtype=float)
             rounded = self._rounded(function, rows, expected, sizes)
-            run = self._run_text(
-                self._call_row(name), f"memcpy(state.q, given, {self._nq} * sizeof *given);", self._nq
-            )
+            run = _run(self._p, self._call_row(name), self._precision, [("q", self._nq)])
             found.append(_Case(name, rows, expected, sizes, len(function.results), run, rounded))
         return found
 
@@ -415,72 +437,32 @@ class TransmissionPrinter:
     def _map_case(self, side: str, configurations: Sequence[FloatArray]) -> _Case:
         """Return a direction, whose results are those of the general layer."""
         robot, n, given, expected, closed = self.transmission.robot, self._n, [], [], []
-        values = [getattr(self.transmission, one).settle.values for one in _MAPS]
-        own, other = (getattr(self.transmission, one).names for one in (side, *set(_MAPS) - {side}))
-        index = {str(name): int(robot.model.idx_vs[i]) for i, name in enumerate(robot.model.names)}
+        one, values = getattr(self.transmission, side), self.transmission.positions
         for i, q in enumerate(configurations):
-            at = [one(q[None])[0] for one in values]
-            start = at[[*_MAPS].index(side)]
+            start = values(side, q)
             rates = [1.0 + 0.5 * np.cos(np.arange(n) - i), 1.0 + 0.5 * np.sin(np.arange(n) + i)]
             for share in (1.0, -1.0, 0.1, -0.1, 0.0):  # near where the way ends, back or not at all
                 moved = start + share * 0.02 * np.cos(np.arange(n) + i)
                 try:
-                    target = dict(zip(own, moved.tolist(), strict=True))
+                    target = dict(zip(one.names, moved.tolist(), strict=True))
                     state = robot.complete(target, rates[0], rates[1], guess=q)
                 except P3dofError:
                     continue
                 break
             else:
                 raise ModelError("coordinates: no motion of them was found to test the code with")
-            motion = [[x[index[name]] for name in other] for x in (state.v, state.a)]
-            given.append(np.concatenate([q, *at, moved, *rates]))
+            motion = [x[list(one.others)] for x in (state.v, state.a)]
+            given.append(np.concatenate([q, values("joint", q), values("actuator", q), moved, *rates]))
             closed.append(state.q)
-            expected.append(np.concatenate([values[1 - [*_MAPS].index(side)](state.q[None])[0], *motion]))
-        fields = ("q", "joint", "actuator")
-        places = (0, self._nq, self._nq + n)
-        copied = " ".join(
-            f"memcpy(state.{one}, &given[{place}], sizeof state.{one});"
-            for one, place in zip(fields, places, strict=True)
-        )
-        run = self._run_text(self._map_row(side), copied, self._nq + 2 * n)
-        close, step = self._steps[2 * [*_MAPS].index(side) :][:2]
-        results = np.array(expected)
+            expected.append(np.concatenate([values(_OTHER[side], state.q), *motion]))
+        fields = [("q", self._nq), ("joint", n), ("actuator", n)]
+        run = _run(self._p, self._map_row(side), self._precision, fields)
+        close, step, results = self._steps[f"{side}_close"], self._steps[f"{side}_motion"], np.array(expected)
         for _ in range(3 if self._precision is SINGLE else 0):  # as near as its roundings let it come
             closed = [np.array(close.on_arrays(*q.astype(np.float32))[: self._nq], float) for q in closed]
         rows = np.array([np.concatenate([q, row[-2 * n :]]) for q, row in zip(closed, given, strict=True)])
         rounded = self._rounded(step, rows, results, [n, n], at=n)
         return _Case(self._map_row(side).name, np.array(given), results, [n] * 3, 3 * n, run, rounded)
-
-    def _run_text(self, row: Prototype, state: str, place: int) -> str:
-        """Return what calls a function from a row of numbers into another, perhaps with a NULL."""
-        real, inputs, outputs = self._precision.real, [], []
-        for one in row.inputs:
-            inputs.append(f"&given[{place}]")
-            place += one.size
-        size = 0
-        for one in row.outputs[:-1]:
-            outputs.append(f"&found[{size}]")
-            size += one.size
-        outputs[0] = f"(missing == 2) ? NULL : {outputs[0]}"
-        call = f",\n{2 * INDENT}".join(["(missing == 1) ? NULL : &state", *inputs, *outputs, "NULL"])
-        head = f"static {self._p}_status run_{row.name}(const double *in, double *out, int missing)"
-        lines = [
-            f"{self._p}_transmission state;",
-            f"{real} given[{max(place, 1)}], found[{size}];",
-            f"{self._p}_status status;",
-            "size_t i;",
-            f"for (i = 0U; i < {place}U; ++i) {{",
-            f"{INDENT}given[i] = ({real})in[i];",
-            "}",
-            "memset(&state, 0, sizeof state);",
-            state,
-            f"status = {self._p}_{row.name}(\n{2 * INDENT}{call});",
-            f"for (i = 0U; (status == {self._P}_OK) && (i < {size}U); ++i) {{",
-            f"{INDENT}out[i] = (double)found[i];",
-            "}",
-            "return status;",
-        ]
-        return definition(head, lines)
 
     def _limits(self) -> dict[str, list[float]]:
         model, least, endless = self.transmission.robot.model, self._precision.least, self._precision.largest
@@ -501,8 +483,7 @@ class TransmissionPrinter:
             for name in ("position", "velocity", "acceleration")
         )
         found = tuple(Argument(f"{one.name}_out", shape=n) for one in given)
-        name = "_to_".join(_MAPS if side == "joint" else [*_MAPS][::-1])
-        return Prototype(name, given, (*found, _TOLD))
+        return Prototype(f"{side}_to_{_OTHER[side]}", given, (*found, _TOLD))
 
     def _call_row(self, name: str) -> Prototype:
         function = self._calls[name]
@@ -614,7 +595,7 @@ class LoopPrinter:
 
     def web(self) -> WebModule:
         """Return what the WebAssembly offers."""
-        functions = [Exported(self._row(function)) for function in self.functions]
+        functions = [Exported(self.row(function)) for function in self.functions]
         state = methods = ""
         if self.follows:
             model = self.robot.model
@@ -666,7 +647,7 @@ class LoopPrinter:
             "wrenches are force [N] and moment [N m] in world axes at the frame's origin.",
         ]
 
-    def _row(self, function: Function) -> Prototype:
+    def row(self, function: Function) -> Prototype:
         """Return the row of a function in the table."""
         inputs = _inputs(function.inputs.items())
         outputs = [(name, size) for name, size in function.outputs.items() if size and name not in EVIDENCE]
@@ -688,11 +669,11 @@ class LoopPrinter:
         return row.head(self.prefix, first, 110)
 
     def _declared(self, function: Function) -> str:
-        return f"{_comment(_TEXTS[function.name], function)}\n{self._head(self._row(function))};\n"
+        return f"{_comment(_TEXTS[function.name], function)}\n{self._head(self.row(function))};\n"
 
     def _call(self, function: Function) -> str:
         """Return a function that checks its arguments, computes, and copies what came out."""
-        P, size, row = self.prefix.upper(), len(function.results), self._row(function)
+        P, size, row = self.prefix.upper(), len(function.results), self.row(function)
         lines = [f"double given[{len(function.symbols)}], found[{size}];"]
         lines += leave(" || ".join(f"({name} == NULL)" for name in row.needed), f"{P}_NULL_POINTER")
         lines += self._given(function, 0)

@@ -445,10 +445,12 @@ class Transmission(Generic[LoopT]):
                 f"there are {', '.join(self.actuators) or 'none'}; name more coordinates (a joint with an "
                 "actuator of its own is one), or lock joints"
             )
-        self.joint = Side(self.robot, self.coordinates, self.actuators, level)
-        """What is known from the coordinates, the actuators and, of the linkage alone, the coordinates."""
-        self.actuator = Side(self.robot, self.actuators, self.coordinates, level)
-        self.bare = Side(_bare(self.robot, self.coordinates), self.coordinates, self.actuators, level)
+        self.joint = Side(self.robot, self.coordinates, self.actuators, level)  # from the coordinates
+        self.actuator = Side(self.robot, self.actuators, self.coordinates, level)  # from the actuators
+        bare = _bare(self.robot, self.coordinates)
+        self.bare = Side(
+            bare, self.coordinates, self.actuators, level
+        )  # from the coordinates, of cranks and rods
 
     def __repr__(self) -> str:
         return f"Transmission({', '.join(self.coordinates)} <-> {', '.join(self.actuators)})"
@@ -457,6 +459,19 @@ class Transmission(Generic[LoopT]):
     def home(self) -> FloatArray:
         """Configuration (nq,) of the linkage where searches start: closed, on the branch that is kept."""
         return self.robot.regular_configuration
+
+    def positions(self, side: str, q: FloatArray) -> FloatArray:
+        """Return the positions (n,) of the side ``"joint"`` or ``"actuator"`` in a configuration (nq,).
+
+        Parameters
+        ----------
+        side : {"joint", "actuator"}
+            Whose.
+        q : (nq,) array
+            Configuration of the linkage.
+        """
+        one: Side = getattr(self, side)
+        return np.asarray(one.settle.values(q[None])[0])
 
     def joint_to_actuator(
         self,
@@ -474,12 +489,13 @@ class Transmission(Generic[LoopT]):
         velocity, acceleration : array of the same shape, optional
             At rest by default.
         near : (nq,) array, optional
-            Closed configuration of the linkage where the search starts; by default `home`.
+            Configuration of the linkage where the search starts once its loops are closed; `home` by
+            default.
 
         Raises
         ------
         InputError
-            If an array has the wrong shape or is not finite, or `near` is open.
+            If an array has the wrong shape, or one sample is not finite.
         AssemblyError
             Of one sample: if the linkage does not reach it on its branch; those of many are in ``errors``.
         SingularityError
@@ -747,8 +763,7 @@ class Transmission(Generic[LoopT]):
             more = {"own": own, "results": len(functions[-1].results), "other": [*sides][1 - own]}
             parts.append(fill("transmission_bound.in", **mapping_text(self, key), **more))
         (library,) = libraries([lanes_source(functions, "\n".join(parts), calls=False)], self.joint.level)
-        values = [side.settle.values(self.home[None])[0] for side in sides.values()]
-        state = np.concatenate([self.home, *values])
+        state = np.concatenate([self.home, *(self.positions(key, self.home) for key in sides)])
         mine = OneThread("the arrays of this transmission, bind one in each thread").check
         calls = {key: getattr(ctypes.PyDLL(library._name), f"{key}_bound") for key in sides}
         one, other = (BoundDirection(side, calls[key], state, mine) for key, side in sides.items())

@@ -233,10 +233,8 @@ _PIECE = 0.2  # longest way of a joint in one piece [rad, or share of the robot'
 _PIECES = 64  # most pieces, as long as none is too long
 _SHORTEST = 1 / 64  # least part of a piece
 LARGEST_CORRECTION = 0.1  # largest first correction [m or rad]
-CONVERGING, CONVERGED = (
-    1e-8,
-    1e-13,
-)  # correction behind which the next one is rounding, and one that is [m or rad]
+CONVERGING = 1e-8  # correction behind which the next one is rounding [m or rad]
+CONVERGED = 1e-13  # one that is
 _STEPS = 6  # most corrections of a piece
 _SPACINGS = (64, 8, 1)  # every how many samples are found first, and then in between those
 
