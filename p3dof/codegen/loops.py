@@ -25,7 +25,7 @@ from p3dof.loops.compiled.printing import body
 from p3dof.loops.compiled.printing import fill as core_of
 from p3dof.loops.compiled.robot import closed_configurations
 from p3dof.loops.tables import units_of_actuated
-from p3dof.loops.transmission import MAPS, Transmission, mapping_text
+from p3dof.loops.transmission import MAPS, STEPS_OF_PIECE, TRIES, Transmission, mapping_text
 from p3dof.loops.trees import joint_value
 
 _COUNT = 8
@@ -308,6 +308,10 @@ _CALLS = {
     ),
 }
 """What maps forces and gains where a transmission is: its direction, its function there, what it gives."""
+_SAME_TIME = ", nothing branches on numbers: every call of a function takes the same time."
+_BOUNDED_TIME = f""".
+ * Every call of a function takes the same time, but where positions are mapped: in at most {TRIES} pieces of
+ * their way, of at most {STEPS_OF_PIECE} steps of Newton's method each."""
 _OTHER = {"joint": "actuator", "actuator": "joint"}  # side of a transmission
 _MAPS = {
     "joint": "Motion of the actuators for one of the coordinates, at rest where it is NULL; moves on there.",
@@ -567,7 +571,8 @@ class LoopPrinter:
             declared.append(self.maps.declarations())
         shared = self._shared
         told = "\n".join(f" * {line}".rstrip() for line in self._orders())
-        text = fill("loop_header.in", **shared, told=told, declarations="\n".join(declared))
+        time = _SAME_TIME if self.maps is None else _BOUNDED_TIME
+        text = fill("loop_header.in", **shared, told=told, time=time, declarations="\n".join(declared))
         return text if self.precision is DOUBLE else self.precision.code(text)
 
     def source(self) -> str:

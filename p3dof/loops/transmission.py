@@ -332,8 +332,11 @@ def _bare(loop: LoopModel, names: Iterable[str]) -> LoopModel:
 
 
 MAPS = ("close", "motion")  # the functions that mapping positions is made of
-_PIECE, _MOST, _TRIES, _STEPS = 0.2, 16, 48, 8
-"""Longest piece [rad, or share of the unit of length], most of these, most tries, most steps of each."""
+_PIECE, _MOST = 0.2, 16  # longest piece [rad, or share of the unit of length], and most of them
+TRIES, STEPS_OF_PIECE = (
+    48,
+    8,
+)  # most pieces, those that were too long too, and steps of Newton's method of each
 
 
 def mapping_text(transmission: Transmission[Any], key: str, rounding: float = 0.0) -> dict[str, object]:
@@ -354,8 +357,8 @@ def mapping_text(transmission: Transmission[Any], key: str, rounding: float = 0.
         "circles": ", ".join(str(int(circle)) for _, circle, _ in places),
         "pieces": ", ".join(map(repr, pieces)),
         "most": _MOST,
-        "tries": _TRIES,
-        "steps": _STEPS,
+        "tries": TRIES,
+        "steps": STEPS_OF_PIECE,
         "first": repr(LARGEST_CORRECTION),
         "contraction": repr(CONTRACTION),
         "nearly": repr(max(CONVERGING, 4.0 * rounding)),
