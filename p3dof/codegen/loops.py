@@ -376,11 +376,15 @@ class TransmissionPrinter:
             fill("loop_map.in", **shared, head=self._map_head(side), side=side, other=other)
             for side, other in _OTHER.items()
         ]
-        limits = {name: ", ".join(map(repr, row)) for name, row in self._limits().items()}
+        model, actuators = self.transmission.robot.model, list(self.transmission.actuator.followed)
+        least, endless = self._precision.least, self._precision.largest
+        upper = np.clip(np.array(model.upperEffortLimit)[actuators], least, endless).tolist()
+        lower = np.clip(np.array(model.lowerEffortLimit)[actuators], -endless, -least).tolist()
         own = fill(
             "loop_transmission.in",
             **shared,
-            **limits,
+            upper=", ".join(map(repr, upper)),
+            lower=", ".join(map(repr, lower)),
             inputs=str(len(step.symbols)),
             closed=repr(step.closed),
             least=repr(step.least_margin),
@@ -467,15 +471,6 @@ class TransmissionPrinter:
         rows = np.array([np.concatenate([q, row[-2 * n :]]) for q, row in zip(closed, given, strict=True)])
         rounded = self._rounded(step, rows, results, [n, n], at=n)
         return _Case(self._map_row(side).name, np.array(given), results, [n] * 3, 3 * n, run, rounded)
-
-    def _limits(self) -> dict[str, list[float]]:
-        model, least, endless = self.transmission.robot.model, self._precision.least, self._precision.largest
-        places = list(self.transmission.actuator.followed)
-        upper, lower = np.array(model.upperEffortLimit)[places], np.array(model.lowerEffortLimit)[places]
-        return {
-            "upper": np.clip(upper, least, endless).tolist(),
-            "lower": np.clip(lower, -endless, -least).tolist(),
-        }
 
     def _map_head(self, side: str) -> str:
         return self._map_row(side).head(self._p, [f"{self._p}_transmission *state"], 110)
