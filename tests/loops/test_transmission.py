@@ -10,10 +10,14 @@ from closed_loop_robots import (
     FOUR_BAR,
     FOUR_BAR_SIDECAR,
     PARALLELOGRAM_SIDECAR,
+    ROD,
     differences,
     four_bar,
     four_bar_angles,
+    joint,
+    link,
     parallelogram,
+    robot,
 )
 from gallery import GALLERY, gallery
 from mujoco_opinion import null_space
@@ -23,7 +27,7 @@ from other_robots import OUTSIDE, load
 
 import p3dof
 from p3dof._base.errors import AssemblyError, InputError, ModelError, ModelWarning, SingularityError
-from p3dof.loops import ClosedLoopModel
+from p3dof.loops import ClosedLoopModel, Coupling, Sidecar
 from p3dof.loops.compiled import build
 
 ANKLE = ("ankle_pitch", "ankle_roll")
@@ -158,6 +162,28 @@ def test_a_four_bar_is_its_closed_form_over_many_turns():
     to_crank.inputs["position"][:] = to_rocker.outputs["position"]
     to_crank.run()
     assert_allclose(to_crank.outputs["position"], turns, rtol=0, atol=1e-12)
+
+
+def test_a_differential_wrist_is_that_of_its_gears():
+    """Two motors side by side: their mean is pitch, half of their difference roll."""
+    axes = {"a": "base", "b": "base", "pitch": "base", "roll": "pitch_link"}
+    links = [link("base"), *(link(f"{name}_link", ROD) for name in axes)]
+    joints = [
+        joint(name, parent, f"{name}_link", axis=(1, 0, 0) if name == "roll" else (0, 1, 0))
+        for name, parent in axes.items()
+    ]
+    halves = {"pitch": (("a", 0.5), ("b", 0.5)), "roll": (("a", 0.5), ("b", -0.5))}
+    gears = tuple(Coupling(name, None, (0.0,), name, parts) for name, parts in halves.items())
+    one = ClosedLoopModel.from_urdf(
+        robot(*links, *joints), Sidecar((), ("a", "b"), couplings=gears)
+    ).transmission(["pitch", "roll"])
+    x, v, a = np.random.default_rng(5).normal(size=(3, 20, 2))
+    found, G = one.joint_to_actuator(x, v, a), np.array([[1.0, 1.0], [1.0, -1.0]])
+    for values, given in zip((found.position, found.velocity, found.acceleration), (x, v, a), strict=True):
+        assert_allclose(values, given @ G, rtol=0, atol=1e-14)
+    assert_allclose(one.actuator_forces(found.q, v), v @ G / 2, rtol=0, atol=1e-14)
+    K = np.diag([3.0, 5.0])
+    assert_allclose(one.actuator_gains(found.q[0], K)[0], G @ K @ G / 4, rtol=0, atol=1e-14)
 
 
 @each_case
