@@ -19,8 +19,8 @@ from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced.dynamics import FRICTION, JOINTS, folded
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.machine.parameters import LINKS, SLIDES, Parameters
+from p3dof.machine.parameters.body import Inertial
 
 _ON_NUMBERS: dict[str, Callable[..., float]] = {
     "add": operator.add,

@@ -23,7 +23,6 @@ from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import fold
 from p3dof.closed_form.paper.formulas import Lengths
 from p3dof.closed_form.paper.friction import NO_ACTUATION, NO_LOSSES, actuation_of, losses_of
-from p3dof.closed_form.paper.inertials import Inertial, inertials
 from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
 from p3dof.codegen.frame import INDENT, Argument, Prototype, groups
 from p3dof.codegen.naming import number_table
@@ -31,6 +30,7 @@ from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.routines import routines
 from p3dof.machine.motion import states_of
 from p3dof.machine.parameters import LINKS, SLIDES, Parameters
+from p3dof.machine.parameters.body import Inertial, inertials
 from p3dof.methods.virtual_power import VirtualPowerMethod
 
 _STEP = 1e-100  # complex step: nothing is subtracted

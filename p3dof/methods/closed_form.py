@@ -37,10 +37,10 @@ from p3dof.closed_form.paper.evidence import evidence
 from p3dof.closed_form.paper.evidence import joints as all_joints
 from p3dof.closed_form.paper.formulas import Lengths, accelerations, velocities
 from p3dof.closed_form.paper.friction import NO_LOSSES, Actuation, Losses, actuation_of, losses_of, lost_power
-from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.closed_form.paper.virtual_power import generalized_forces
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters.body import inertials, numbers
 from p3dof.methods.solution import JointStates, Solution
 
 _BLOCK = 2048

@@ -14,10 +14,10 @@ from p3dof.closed_form import kinematics
 from p3dof.closed_form.kinematics import Placed
 from p3dof.closed_form.paper import friction
 from p3dof.closed_form.paper.friction import actuation_of, losses_of
-from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters.body import inertials, numbers
 from p3dof.methods import closed_form
 from p3dof.methods.closed_form import placed_in_blocks, solve_with
 from p3dof.methods.solution import CoulombLimits, Solution

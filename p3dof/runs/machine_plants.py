@@ -24,10 +24,10 @@ from p3dof.closed_form.kinematics import reachable_poses
 from p3dof.closed_form.kinematics.validity import reach_margins
 from p3dof.closed_form.paper.formulas import Lengths, configuration, jacobian
 from p3dof.closed_form.paper.friction import Actuation, actuation_of, losses_of
-from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.closed_form.paper.virtual_power import actuator_forces, generalized_forces
 from p3dof.loops import ClosedLoopModel
 from p3dof.machine.parameters import LEGS, PLATFORM, Geometry, Parameters
+from p3dof.machine.parameters.body import inertials, numbers
 from p3dof.methods import JointStates, pinocchio
 from p3dof.methods.pinocchio import JointForces
 from p3dof.runs.margins import Event, EventMargins, Stop

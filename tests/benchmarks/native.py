@@ -25,9 +25,9 @@ from p3dof.closed_form.compiled import MachineKernels, reduced
 from p3dof.closed_form.compiled.reduced import State
 from p3dof.closed_form.paper import virtual_power
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.codegen.controller import controller_files
 from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters.body import inertials, numbers
 
 HERE = Path(__file__).parent
 KERNELS = Path(kernels_file).parent

@@ -15,9 +15,9 @@ from p3dof._base.errors import InputError, ReachError, SingularityError
 from p3dof._base.samples import ACTUATION_TOLERANCE
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.closed_form.paper.virtual_power import Wrench, actuator_forces
 from p3dof.machine.parameters import PAPER, SOLIDS, Bodies, Body, Geometry
+from p3dof.machine.parameters.body import Inertial
 
 HOME = np.zeros(3)
 

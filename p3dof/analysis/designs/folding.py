@@ -31,9 +31,8 @@ from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Actuated, Moments, fold_actuators, fold_moments, moments_of
 from p3dof.closed_form.compiled.reduced.dynamics import folded
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.closed_form.paper.inertials import inertials, numbers
 from p3dof.machine.parameters import LINKS, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
-from p3dof.machine.parameters.body import Inertial
+from p3dof.machine.parameters.body import Inertial, inertials, numbers
 from p3dof.machine.parameters.solids import inertials_of_solids, scales
 
 _MASSLESS = Inertial(0, (0, 0, 0), ((0, 0, 0), (0, 0, 0), (0, 0, 0)))

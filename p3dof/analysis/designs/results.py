@@ -16,9 +16,9 @@ from p3dof._base.checks import FloatArray
 from p3dof._base.files import write_table
 from p3dof.analysis.designs.columns import ACTUATORS, COMPONENTS, DENSITY, KINDS, LENGTHS, SIZES, Designs
 from p3dof.analysis.designs.folding import solids_of
-from p3dof.closed_form.paper.inertials import inertials
 from p3dof.machine.parameters import LINKS
 from p3dof.machine.parameters.actuators import PARALLEL
+from p3dof.machine.parameters.body import inertials
 
 _TOLERANCE = 1e-9  # share of the largest entry by which an inertia may miss the triangle inequality: `Body`
 

@@ -10,10 +10,10 @@ from p3dof._base.checks import FloatArray, Progress
 from p3dof._base.errors import SampleError
 from p3dof._base.samples import OnInvalid
 from p3dof.analysis.reactions.comparison import AnyReactions, ReactionsComparison
-from p3dof.analysis.reactions.joints import ALL, Choice, Idealisation, Way, cuts, ways_of
-from p3dof.analysis.reactions.newton_euler import in_fixed_axes, residual
-from p3dof.analysis.reactions.results import Reactions
+from p3dof.analysis.reactions.joints import ALL, JOINTS, Choice, Idealisation, Way, cuts, ways_of
+from p3dof.analysis.reactions.results import Reactions, in_fixed_axes
 from p3dof.analysis.reactions.stiffness import Stiffness
+from p3dof.closed_form import kinematics
 from p3dof.loops import ClosedLoopModel, ReactionSolver, reactions_by_each
 from p3dof.loops.reactions import LENGTH_SHARE
 from p3dof.machine.motion import Motion, WrenchOverTime, states_over
@@ -111,7 +111,7 @@ def _in_ways(
             raise SampleError(f"sample {i}: {error}", (i,)) from error
         arrays = found.arrays()
         forces, moments = (in_fixed_axes(arrays["rotations"], arrays[name]) for name in ("forces", "moments"))
-        errors = residual(parameters, motion, wrench, forces, moments, arrays["positions"])
+        errors = _residual(parameters, motion, wrench, forces, moments, arrays["positions"])
         results.append(Reactions(way, kind, solver.length, motion, **arrays, residual=errors))
     return results
 
@@ -124,3 +124,34 @@ def _solver(
     if stiffness is None:
         return ReactionSolver(loop, cuts(kind), length)
     return ReactionSolver(loop, cuts(kind), length, stiffness.compliances(parameters), stiffness.misfits())
+
+
+def _residual(
+    parameters: Parameters,
+    motion: Motion,
+    wrench: FloatArray | None,
+    forces: FloatArray,
+    moments: FloatArray,
+    positions: FloatArray,
+) -> FloatArray:
+    """Return the largest error of Newton's and Euler's equations of all bodies (N,), a check of reactions."""
+    states = motion.pose, motion.velocity, motion.acceleration
+    moving = kinematics.mechanism_motion(parameters.geometry, *states, on_invalid="nan").bodies
+    worst: FloatArray = np.zeros(len(motion))
+    for link, body in parameters.bodies.items():
+        its = moving[link]
+        centre, _, acceleration = its.at(body.com)
+        inertia = its.rotation @ body.inertia @ np.swapaxes(its.rotation, -1, -2)
+        spin = np.einsum("...ij,...j->...i", inertia, its.omega)
+        force = body.mass * (parameters.gravity - acceleration)
+        moment = -np.einsum("...ij,...j->...i", inertia, its.epsilon) - np.cross(its.omega, spin)
+        for i, joint in enumerate(JOINTS):
+            sign = (joint.successor == link) - (joint.predecessor == link)
+            if sign:
+                force = force + sign * forces[:, i]
+                moment = moment + sign * (moments[:, i] + np.cross(positions[:, i] - centre, forces[:, i]))
+        if link == "platform" and wrench is not None:  # its frame is at P
+            force = force + wrench[:, :3]
+            moment = moment + wrench[:, 3:] + np.cross(its.origin - centre, wrench[:, :3])
+        worst = np.maximum(worst, np.abs(np.hstack([force, moment])).max(axis=-1))
+    return worst

@@ -15,7 +15,6 @@ from p3dof._base.errors import InputError
 from p3dof._base.files import write_table
 from p3dof._base.tables import ShownInNotebook
 from p3dof.analysis.reactions.joints import JOINTS, Joint, joint_axes
-from p3dof.analysis.reactions.newton_euler import in_fixed_axes
 from p3dof.loops.reactions import BoolArray
 from p3dof.machine.motion import Motion
 
@@ -336,3 +335,8 @@ class Reactions(ShownInNotebook):
                         header.append(f"{name} {kind[0]}{axis} determined")
                         columns.append(determined[:, i].astype(float))
         return write_table(path, [*header, "residual"], (*columns, self.residual))
+
+
+def in_fixed_axes(rotations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return vectors in the axes of the fixed frame; ndarray, shape (..., 3)."""
+    return np.asarray(np.einsum("...ij,...j->...i", rotations, vectors))

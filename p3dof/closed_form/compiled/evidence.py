@@ -14,9 +14,8 @@ from p3dof.closed_form.kinematics import JOINTS
 from p3dof.closed_form.paper import formulas
 from p3dof.closed_form.paper.evidence import evidence, joints
 from p3dof.closed_form.paper.friction import Actuation, Losses, actuation_of, lost_power
-from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.machine.parameters import SLIDES, Parameters
-from p3dof.machine.parameters.body import LINKS
+from p3dof.machine.parameters.body import LINKS, Inertial
 
 BODY = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
 _ACTUATION = tuple(f"{what}_{leg}" for what in ("inertia", "balance", "stiffness") for leg in "abc")

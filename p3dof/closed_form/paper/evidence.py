@@ -24,8 +24,8 @@ from p3dof._base.algebra import (
 )
 from p3dof.closed_form.paper.formulas import Configuration, Lengths, Rates
 from p3dof.closed_form.paper.friction import Actuation
-from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.closed_form.paper.recursion import Frame, body_axes, frames, rigid_acceleration
+from p3dof.machine.parameters.body import Inertial
 
 
 def evidence(

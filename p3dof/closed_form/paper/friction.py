@@ -19,8 +19,8 @@ from p3dof.closed_form.paper.formulas import (
     platform_velocity,
     velocities,
 )
-from p3dof.closed_form.paper.inertials import numbers
 from p3dof.machine.parameters import Actuators, Friction
+from p3dof.machine.parameters.body import numbers
 
 
 class Losses(NamedTuple):

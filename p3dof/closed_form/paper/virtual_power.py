@@ -38,8 +38,8 @@ from p3dof._base.algebra import (
     subtract,
 )
 from p3dof.closed_form.paper import formulas, friction
-from p3dof.closed_form.paper.inertials import Inertial
 from p3dof.closed_form.paper.recursion import Frame, body_axes, frames, rigid_acceleration
+from p3dof.machine.parameters.body import Inertial
 
 
 class Wrench(NamedTuple):

@@ -256,6 +256,23 @@ class Inertial(NamedTuple):
     inertia: Matrix
 
 
+def inertials(bodies: Bodies) -> dict[str, Inertial]:
+    """Return the numbers of bodies as components; exact zeros become structural ones and cost nothing."""
+    return {
+        name: Inertial(
+            body.mass or 0,
+            numbers(body.com),
+            (numbers(body.inertia[0]), numbers(body.inertia[1]), numbers(body.inertia[2])),
+        )
+        for name, body in bodies.items()
+    }
+
+
+def numbers(row: FloatArray) -> Vector:
+    """Return three Python numbers, exact zeros as structural ones."""
+    return (float(row[0]) or 0, float(row[1]) or 0, float(row[2]) or 0)
+
+
 def inertial_of_box(size: Vector, density: Scalar) -> Inertial:
     """Return mass and inertia of a solid box about its middle."""
     x, y, z = size

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from p3dof._base.algebra import Matrix, Scalar, Vector, add, matrix_sum, plus, scale, steiner, times
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.closed_form.paper.inertials import Inertial, inertials, numbers
 from p3dof.machine.parameters import SLIDES, Parameters
+from p3dof.machine.parameters.body import Inertial, inertials, numbers
 
 SYMMETRIC_ZEROS = ("d_a", "d_b", "e", "k2", "k3", "n0", "n1", "h1", "h2", "h3")
 """What is zero for bodies that are symmetric as the paper's are."""
