@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from p3dof.loops.trees import joint_value
 _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
 """Of the motion that is followed: samples a second, amplitude [m or rad], number."""
+_BANDWIDTH = 30.0  # of forces that are observed [Hz]
 _TOLERANCE = 1e-9  # largest error, of the largest entry of a result
 _ROUNDINGS = 64.0  # by how much another order of roundings may be worse than that of NumPy
 
@@ -91,6 +93,8 @@ def selftest(
         "rows": "\n".join(rows),
         "follow": _follow(robot, prefix, functions) if printer.follows else "",
         "follows": str(int(printer.follows)),
+        "observe": _observe(prefix, cases, functions) if printer.observes else "",
+        "observes": str(int(printer.observes)),
     }
 
 
@@ -221,6 +225,29 @@ def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) 
     )
 
 
+def _observe(prefix: str, cases: Sequence[_Case], functions: Sequence[Function]) -> str:
+    """Return a table of what an observer says at the states one after another, and what tests that."""
+    (case,) = (one for one in cases if one.name == "momentum")
+    (inputs,) = (one.inputs for one in functions if one.name == "momentum")
+    free = inputs["v_independent"]
+    lag = 2 * np.pi * _BANDWIDTH / _RATE
+    observed = [np.zeros(free)]
+    for before, now in pairwise(case.expected):
+        seen = (now[:free] - before[:free]) * _RATE - (now[free:-free] + before[free:-free]) / 2 - now[-free:]
+        observed.append(observed[-1] + lag / (1 + lag) * (seen - observed[-1]))
+    return fill(
+        "loop_selftest_observe.in",
+        prefix=prefix,
+        PREFIX=prefix.upper(),
+        table=number_table(f"observed[{len(observed)}][{free}]", np.array(observed)),
+        nq=str(inputs["q"]),
+        free=str(free),
+        dt=repr(1.0 / _RATE),
+        bandwidth=repr(_BANDWIDTH),
+        loads="NULL, " * (len(inputs) - 3),
+    )
+
+
 _STATUSES = (
     "OK",
     "NULL_POINTER",
@@ -235,6 +262,13 @@ _METHODS = """
     /** Begins to follow a motion about at a configuration, whose loops it closes; returns a status. */
     start(q) {
         return this.#exports.start(this.#put(q));
+    }
+"""
+
+_OBSERVER_METHODS = """
+    /** Begins to observe forces anew. */
+    startObserver() {
+        this.#exports.start_observer();
     }
 """
 
@@ -263,6 +297,7 @@ _TEXTS = {
     "stabilised_flow": "Rates of configuration and velocity under forces, with Baumgarte's stabilisation.",
     "model_forces": "Forces of the motors for their accelerations, from the independent speeds.",
     "motion": "Velocity and acceleration of the tree, and forces, from those of the independent speeds.",
+    "momentum": "Momentum along the independent coordinates, its rate without motors, and their forces.",
     "step": "One step of Newton's method for the dependent coordinates.",
     "integrate": "A configuration moved by a small velocity times time.",
     "tangent_of_forces": "Forces, and how they change along one direction of the independent motion.",
@@ -541,6 +576,7 @@ class LoopPrinter:
         self.maps = None if transmission is None else TransmissionPrinter(transmission, prefix, precision)
         names = {function.name for function in functions}
         self.follows = compiled.determined and names >= set(FOLLOWING)
+        self.observes = "momentum" in names
 
     @property
     def _shared(self) -> dict[str, str]:
@@ -562,6 +598,8 @@ class LoopPrinter:
         declared = [self._declared(function) for function in self.functions]
         if self.follows:
             declared.append(self._follow_declared())
+        if self.observes:
+            declared.append(self._observe_declared())
         if self.maps is not None:
             declared.append(self.maps.declarations())
         shared = self._shared
@@ -578,6 +616,8 @@ class LoopPrinter:
         calls = [self._call(function) for function in self.functions]
         if self.follows:
             calls.append(self._following())
+        if self.observes:
+            calls.append(self._observing())
         if self.maps is not None:
             calls.append(self.maps.definitions())
         single = self.precision is SINGLE
@@ -603,6 +643,10 @@ class LoopPrinter:
             arguments = tuple(Argument(name, shape=(size,)) for name, size in kept.items())
             functions.append(Exported(self._follow_row, "&state", arguments))
             state, methods = fill("wasm_state.in", prefix=self.prefix), _METHODS
+        if self.observes:
+            functions.append(Exported(self._observe_row, "&observer"))
+            state += fill("wasm_observer.in", prefix=self.prefix)
+            methods += _OBSERVER_METHODS
         if self.maps is not None:
             functions += self.maps.exported()
             state += fill("wasm_transmission.in", prefix=self.prefix)
@@ -617,6 +661,9 @@ class LoopPrinter:
                 f"Start at a configuration, and follow a motion of the motors, {STEPS} steps of Newton each."
             )
             rows.append(f"| `{self.prefix}_start`, `{self.prefix}_follow` | | {text} |")
+        if self.observes:
+            text = "Forces that nobody told of, as of a contact, from the motion and the motors' forces."
+            rows.append(f"| `{self.prefix}_observer_start`, `{self.prefix}_observe` | | {text} |")
         if self.maps is not None:
             rows += self.maps.rows()
         robot, q = self.robot, self.robot.assemble().q
@@ -750,11 +797,55 @@ class LoopPrinter:
             loads="".join(f"\n{INDENT}{line}" for line in loads),
         )
 
+    @cached_property
+    def _observe_row(self) -> Prototype:
+        momentum = self._function("momentum")
+        free = (len(self.compiled.independent),)
+        numbers = (Argument(name, shape=(1,), kind="number") for name in ("dt", "bandwidth"))
+        threshold = Argument("threshold", shape=free, optional=True)
+        found = (Argument("external", shape=free), Argument("share", shape=(1,)), _TOLD)
+        return Prototype("observe", (*numbers, *_inputs(momentum.inputs.items()), threshold), found)
+
+    def _observe_head(self) -> str:
+        return self._head(self._observe_row, f"{self.prefix}_observer *observer")
+
+    def _observe_declared(self) -> str:
+        p, P = self.prefix, self.prefix.upper()
+        return (
+            "/** What an observer of forces keeps; all zero at the start. */\n"
+            f"typedef struct {{\n{INDENT}double momentum[{P}_INDEPENDENT], rate[{P}_INDEPENDENT], "
+            f"external[{P}_INDEPENDENT];\n{INDENT}int begun;\n}} {p}_observer;\n\n"
+            "/** Begin anew: the next sample is the first. */\n"
+            f"void {p}_observer_start({p}_observer *observer);\n\n"
+            f"{_comment(_OBSERVE, self._function('momentum'))}\n{self._observe_head()};\n"
+        )
+
+    def _observing(self) -> str:
+        momentum = self._function("momentum")
+        return fill(
+            "loop_observe.in",
+            **self._shared,
+            head=self._observe_head(),
+            nulls=" || ".join(f"({name} == NULL)" for name in ["observer", *self._observe_row.needed]),
+            inputs=str(len(momentum.symbols)),
+            results=str(len(momentum.results)),
+            closed=repr(momentum.closed),
+            least=repr(momentum.least_margin),
+            loads="".join(
+                f"\n{INDENT}{line}" for line in self._given(momentum, sum(list(momentum.inputs.values())[:3]))
+            ),
+        )
+
     def _function(self, name: str) -> Function:
         return next(function for function in self.functions if function.name == name)
 
 
 _OPTIONAL = "Wrenches, other forces and inertias may be NULL: none, and those that the robot has."
+_OBSERVE = """What acts along the independent coordinates beside model and motors: a contact, a payload.
+ *
+ *  dt [s] after the last sample, 0 to begin anew; bandwidth [Hz] of the lag of first order behind which it
+ *  is seen; tau: of the motors since the last sample. share: largest of it in its threshold, above 1 in
+ *  contact; 0 where threshold is NULL."""
 _FOLLOW = "Forces of the motors for their values and rates, dt [s] after the last call; 0 the first time."
 
 
@@ -835,6 +926,7 @@ def loop_files(
     coordinates: Iterable[str] | None = None,
     actuators: Iterable[str] | None = None,
     precision: str = "double",
+    observer: bool = False,
 ) -> LoopCode:
     """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
     if not robot.model.nv:
@@ -844,14 +936,14 @@ def loop_files(
         transmission = robot.transmission(coordinates, actuators, "numpy")
         robot = transmission.robot
     kind = DOUBLE if precision == "double" else precision_of(precision)
-    if kind is SINGLE and (transmission is None or functions is not None):
-        raise InputError("float: single precision is for --coordinates alone, without --functions")
+    if kind is SINGLE and (transmission is None or functions is not None or observer):
+        raise InputError("float: single precision is for --coordinates alone, without other functions")
     if transmission is None and actuators is not None:
         raise InputError("actuators: expected coordinates, too, whose actuators they are")
     compiled = robot.compile(external=external, joint_forces=joint_forces, inertias=inertias, level="numpy")
     name = _prefix(robot, prefix)
     wanted = [] if transmission is not None and functions is None else _chosen(compiled, functions)
-    chosen = [compiled.function(one) for one in wanted]
+    chosen = [compiled.function(one) for one in dict.fromkeys([*wanted, *["momentum"] * observer])]
     note = origin(command or f"{MARK.split('`')[1]} --prefix {name}", f"robot {_fingerprint(robot)}", MARK)
     printer = LoopPrinter(robot, compiled, name, chosen, note, transmission, kind)
     c = {

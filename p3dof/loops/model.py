@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,10 @@ from p3dof.loops.coordinates import rounding
 from p3dof.loops.hybrid import ByName, by_name, joint_freedoms
 from p3dof.loops.linear import BoolArray, IndexArray
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.transmission import Transmission
+
+if TYPE_CHECKING:  # what is imported when it is asked for
+    from p3dof.loops.observer import MomentumObserver
+    from p3dof.loops.transmission import Transmission
 
 
 class _Acting(NamedTuple):
@@ -743,7 +746,34 @@ class ClosedLoopModel(LoopModel):
         AssemblyError
             If the loops do not close at the reference configuration.
         """
+        from p3dof.loops.transmission import Transmission
+
         return Transmission(self, coordinates, actuators, level)
+
+    def observer(
+        self, bandwidth: float, threshold: ArrayLike | None = None, compiled: CompiledLoop | None = None
+    ) -> MomentumObserver:
+        """Return an observer of contact forces and unknown payloads, from the motors' forces and the motion.
+
+        Parameters
+        ----------
+        bandwidth : float
+            Of the lag of first order behind which forces are seen [Hz].
+        threshold : float or (n,) array, optional
+            Forces above which there is a contact, along each coordinate [N or N m].
+        compiled : CompiledLoop, optional
+            What `compile` returned, for where the robot works, known wrenches or payloads.
+
+        Raises
+        ------
+        InputError
+            If the bandwidth or a threshold is not positive, or `compiled` is of another robot.
+        ModelError, AssemblyError
+            As `compile`.
+        """
+        from p3dof.loops.observer import MomentumObserver
+
+        return MomentumObserver(self, bandwidth, threshold, compiled)
 
     def compiled_for(
         self,

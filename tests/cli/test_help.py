@@ -95,6 +95,7 @@ OPTIONS = r"""
 --multipliers | flag | Also write the closure forces
 --nodes | whole number | Grid intervals between two stops
 --noise | number | Standard deviations of measured positions
+--observer | flag | A momentum observer
 --objective | choice / text | (What is minimised|Measure to optimise)
 --of | text | Result whose sensitivity is computed
 --on-invalid | choice | At a sample that is

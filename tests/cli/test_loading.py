@@ -16,21 +16,21 @@ MACHINE = ("machine", "closed_form", "methods", "manipulator", "analysis", "desi
 """Doors behind which the machine is known."""
 
 CALLS = {  # the most modules of ours that are loaded, and passed by a second call
-    "p3dof.load()": (75, 4),
-    "p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method='compiled')": (76, 15),
-    "p3dof.load().forces([0] * 3, [0] * 3, [0] * 3)": (148, 34),
-    "p3dof.ClosedLoopModel": (75, 0),
+    "p3dof.load()": (73, 4),
+    "p3dof.load().forces([0] * 3, [0] * 3, [0] * 3, method='compiled')": (74, 15),
+    "p3dof.load().forces([0] * 3, [0] * 3, [0] * 3)": (136, 34),
+    "p3dof.ClosedLoopModel": (60, 0),
     "p3dof --help": (5, 1),
     "p3dof loop --help": (6, 1),
-    "p3dof loop info R": (91, 22),
-    "p3dof loop forces R --motion M": (111, 35),
-    "p3dof loop simulate R --motion M --controller pd": (111, 67),
-    "p3dof loop simulate R --duration .1 --samples 9 --figure F.png": (115, 62),
-    "p3dof loop codegen R --out C": (99, 53),
-    "p3dof loop export R --out R.xml": (99, 26),
-    "p3dof loop show R --out R.html": (132, 57),
-    "p3dof forces --samples 11": (168, 65),
-    "p3dof compare --samples 11 --no-plot --out O": (170, 71),
+    "p3dof loop info R": (81, 22),
+    "p3dof loop forces R --motion M": (105, 35),
+    "p3dof loop simulate R --motion M --controller pd": (104, 67),
+    "p3dof loop simulate R --duration .1 --samples 9 --figure F.png": (108, 62),
+    "p3dof loop codegen R --out C": (92, 53),
+    "p3dof loop export R --out R.xml": (88, 26),
+    "p3dof loop show R --out R.html": (131, 57),
+    "p3dof forces --samples 11": (157, 65),
+    "p3dof compare --samples 11 --no-plot --out O": (159, 71),
 }
 
 ALIKE = ("compare", "loop codegen", "loop export", "R --motion M --", "* 3)")

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import closed_trees as trees
 import numpy as np
+import pinocchio as pin
 import pytest
 from closed_loop_robots import PARALLELOGRAM_SIDECAR, flat_parallelogram
 from command_line import run
@@ -15,6 +16,7 @@ from compilers import CC, COMPILED, CPP, each_c
 from gallery import GALLERY, gallery
 
 import p3dof
+from p3dof import runs
 from p3dof._base.errors import InputError, ModelError
 from p3dof.codegen.loops import loop_files
 from p3dof.loops.assembly import Limits
@@ -35,9 +37,14 @@ def written(tmp_path_factory):
     base = tmp_path_factory.mktemp("c")
     jobs = {
         "five_bar": {},
-        "leg": {},
+        "leg": {"observer": True},
         "gripper": {"functions": ["inverse_dynamics", "tangent_of_forces", "motion", "step", "integrate"]},
-        "stewart": {"external": ["platform"], "joint_forces": True, "inertias": ["platform_free"]},
+        "stewart": {
+            "external": ["platform"],
+            "joint_forces": True,
+            "inertias": ["platform_free"],
+            "observer": True,
+        },
         "ankle": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "ankle"},
         "single": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "single", "precision": "float"},
     }
@@ -209,6 +216,59 @@ def test_a_transmission_keeps_its_branch_and_says_how_a_call_ended(written):
     assert bytes(state) == before[0]
 
 
+class StewartObserver(ctypes.Structure):
+    _fields_ = (
+        ("momentum", ctypes.c_double * 6),
+        ("rate", ctypes.c_double * 6),
+        ("external", ctypes.c_double * 6),
+        ("begun", ctypes.c_int),
+    )
+
+
+def test_an_observer_says_what_that_of_python_says(written):
+    """A Stewart platform that carries what one knows of, and is pushed by what one does not."""
+    c, state, robot = library(written / "stewart", "stewart"), StewartObserver(), gallery("stewart")
+    compiled = robot.compile(external=["platform"], joint_forces=True, inertias=["platform_free"])
+    start = robot.assemble().q
+    known, more = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]), np.array([4.0, -6.0, 50.0, 0.5, 0.0, 0.2])
+    body = robot.model.inertias[robot.model.getJointId("platform_free")].toDynamicParameters()
+    body[:4] += [2.0, 0.0, 0.0, 0.1]
+    loaded = robot.copy()
+    loaded.model.inertias[loaded.model.getJointId("platform_free")] = pin.Inertia.FromDynamicParameters(body)
+    motion = runs.simulate_robot(loaded, 0.02, start, samples=21, external={"platform": known + more})
+    observer = robot.observer(50.0, threshold=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], compiled=compiled)
+    free, numbers = list(compiled.independent_places), np.zeros
+    external, share, limits = numbers(6), numbers(1), np.arange(1.0, 7.0)
+    rate = [ctypes.c_double(50.0)]
+    c.stewart_observer_start(ctypes.byref(state))
+
+    def call(dt, q, v, tau, threshold=limits):
+        given = [pointer(x) for x in (q, v, tau, known)]
+        given += [None, pointer(body), None if threshold is None else pointer(threshold)]
+        told = pointer(external), pointer(share), None
+        return c.stewart_observe(ctypes.byref(state), ctypes.c_double(dt), *rate, *given, *told)
+
+    for i, now in enumerate(motion.time):
+        dt, v = now - motion.time[i - 1] if i else 0.0, np.ascontiguousarray(motion.v[i][free])
+        given = {"external": {"platform": known}, "inertias": {"platform_free": body}}
+        expected = observer.update(dt, motion.q[i], motion.v[i], motion.forces[i], **given)
+        q, tau = (np.ascontiguousarray(x[i]) for x in (motion.q, motion.forces))
+        assert call(dt, q, v, tau) == 0
+        np.testing.assert_allclose(external, expected, rtol=0, atol=1e-10)
+        assert share[0] == pytest.approx(observer.share, rel=1e-10)
+    assert np.abs(external).max() > 10.0  # N: most of the push
+    before = bytes(state), external.copy(), share.copy()
+    for dt, now in ((-1.0, q), (np.nan, q), (np.inf, q), (1e-3, np.full(len(q), np.nan))):
+        assert call(dt, now, v, tau) == 2
+    assert call(1e-3, q + 0.1, v, tau) in (4, 5)  # open, or a quaternion that is none
+    assert c.stewart_observe(None, *rate, *rate, *[None] * 10) == 1
+    assert (bytes(state), *external, *share) == (before[0], *before[1], *before[2])
+    assert call(1e-3, q, v, tau, None) == 0
+    assert share[0] == 0.0
+    assert call(0.0, q, v, tau) == 0  # begins anew
+    assert not external.any()
+
+
 def test_statuses_and_what_acts(written):
     call = library(written / "stewart", "stewart").stewart_inverse_dynamics
     robot = gallery("stewart")
@@ -350,6 +410,7 @@ def test_on_the_command_line(capsys, tmp_path):
         (["--coordinates", "rocker_joint,"], "the joint '' does not exist"),
         (["--actuators", "crank_joint"], "actuators: expected coordinates, too"),
         (["--float"], "single precision is for --coordinates alone"),
+        (["--float", "--coordinates", "rocker_joint", "--observer"], "single precision is for --coordinates"),
         (
             ["--float", "--coordinates", "rocker_joint", "--functions", "step"],
             "single precision is for --coordinates alone",

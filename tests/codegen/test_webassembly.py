@@ -284,7 +284,7 @@ def test_a_transmission(tmp_path):
 @built
 def test_a_motion_is_followed(tmp_path):
     robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
-    code = loop_files(robot, prefix="bar")
+    code = loop_files(robot, prefix="bar", observer=True)
     write(tmp_path, code.files, code.web)
     home, time = robot.assemble().q, np.arange(0, 0.2, 0.01)
     w, phase = 2 * np.pi * 2, np.array([0.0, 1.0])
@@ -293,6 +293,7 @@ def test_a_motion_is_followed(tmp_path):
     speed, push = 0.1 * w * np.cos(turned), -0.1 * w**2 * np.sin(turned)
     steps = np.diff(time, prepend=0.0)
     expected = robot.compile().complete(time, angle, speed, push)
+    forces = expected.tau + np.array([1.0, -2.0])
     answer = node(
         tmp_path,
         "bar",
@@ -300,9 +301,23 @@ def test_a_motion_is_followed(tmp_path):
             ("start", home.tolist()),
             ("follow", rows(dt=steps, target=angle, velocity=speed, acceleration=push)),
             ("start", (home + 0.3).tolist()),
+            ("startObserver",),
+            (
+                "observe",
+                rows(
+                    dt=steps,
+                    bandwidth=np.full(len(time), 5.0),
+                    q=expected.q,
+                    v_independent=expected.v[:, [0, 2]],
+                    tau=np.roll(forces, 1, axis=0),  # that acted since the last sample
+                ),
+            ),
         ],
     )
-    status, found, open_status = answer["found"]
+    status, found, open_status, _, observed = answer["found"]
+    seen = robot.observer(5.0).record(time, expected.q, expected.v, forces, held=True)
+    np.testing.assert_allclose(observed["external"].reshape(len(time), 2), seen, rtol=0, atol=1e-12)
+    assert np.abs(seen).max() > 1.0
     assert status == 0
     assert found["good"] == len(time)
     for name in ("q", "v", "a", "tau"):

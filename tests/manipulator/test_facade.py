@@ -121,7 +121,7 @@ def hints_of(function):
     if not isinstance(returned, str):
         return [returned]
     wings = (p3dof.machine, p3dof.closed_form, p3dof.methods, p3dof.runs, p3dof.analysis, p3dof.design)
-    doors = [p3dof, p3dof.viewer, *wings]
+    doors = [p3dof, p3dof.loops, p3dof.viewer, *wings]
     offered = [(room, name) for room in (*doors, p3dof.analysis.reactions) for name in room.__all__]
     late = {name: getattr(room, name) for room, name in offered}  # what is imported when it is used
     names = {**late, **getattr(inspect.unwrap(function), "__globals__", {})}

@@ -27,8 +27,8 @@ from p3dof.loops import ClosedLoopModel
 @click.option(
     "--functions",
     help="Functions, with commas: inverse_dynamics, forward_dynamics, hybrid_dynamics, motion, step, "
-    "integrate, tangent_of_forces, tangent_of_accelerations. By default inverse_dynamics, forward_dynamics, "
-    "motion, step and integrate.",
+    "integrate, momentum, tangent_of_forces, tangent_of_accelerations. By default inverse_dynamics, "
+    "forward_dynamics, motion, step and integrate.",
 )
 @click.option("--external", multiple=True, metavar="FRAME", help="Frame on which an external wrench can act.")
 @click.option("--joint-forces", is_flag=True, help="Additional joint forces as an argument.")
@@ -47,6 +47,7 @@ from p3dof.loops import ClosedLoopModel
 @click.option(
     "--actuators", help="Actuators behind --coordinates, with commas; all of the linkage by default."
 )
+@click.option("--observer", is_flag=True, help="A momentum observer of contact forces.")
 @click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
 @CPU
 @WASM
@@ -63,6 +64,7 @@ def codegen(
     inertias: tuple[str, ...],
     coordinates: str | None,
     actuators: str | None,
+    observer: bool,
     single: bool,
     cpu: str,
     wasm: bool,
@@ -77,7 +79,7 @@ def codegen(
     if wasm and single:
         raise InputError("--wasm: JavaScript's numbers are doubles: leave --float out")
     kind, loads = "float" if single else "double", (external, joint_forces, inertias)
-    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind)
+    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind, observer)
     job = Generated.of(code.files, out, MARK, WebFiles(code.web), wasm)
     if check:
         return print_check({out: job.differences()})
@@ -108,6 +110,7 @@ def _command() -> str:
         "--inertia": given["inertias"],
         "--coordinates": given["coordinates"],
         "--actuators": given["actuators"],
+        "--observer": given["observer"],
         "--float": given["single"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
     }

@@ -77,7 +77,7 @@ def motion(
         turning, sliding = _sum(part.turning, part.v, v), _sum(part.sliding, part.v, v)
         alpha_i = plus(back(R, alpha[above]), cross(omega[i], turning), _sum(part.turning, part.v, a))
         start = back(R, plus(A[above], turned(U[above], where.r[i])))
-        if any(sliding):
+        if any(sliding) or any(_sum(part.sliding, part.v, a)):
             # The origin slides in the axes of the body before, which turn with ω less the joint's own.
             carried = minus(omega[i], turning)
             start = plus(start, cross(plus(omega[i], carried), sliding), _sum(part.sliding, part.v, a))

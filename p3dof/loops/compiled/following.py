@@ -307,7 +307,7 @@ class Settler:
                 "completion", {"q": q[at], **self._rates(way[at] * (end - done[at])[:, None])}
             )
             moved = self._compiled.rows("integrate", {"q": q[at], "dq": there["v"]})["q"]
-            self._enter(moved, begin[at] + way[at] * end[:, None])
+            self.enter(moved, begin[at] + way[at] * end[:, None])
             new, fits = self._corrected(moved)
             fits &= there["orientation"][:, 0] * self._orientation(new) > 0
             q[at[fits]], done[at[fits]] = new[fits], end[fits]
@@ -341,7 +341,8 @@ class Settler:
         turned = np.arctan2(q[:, np.minimum(self._at + 1, q.shape[1] - 1)], values)
         return np.asarray(np.where(self._circle, turned, values))
 
-    def _enter(self, q: FloatArray, values: FloatArray) -> None:
+    def enter(self, q: FloatArray, values: FloatArray) -> None:
+        """Enter values of the coordinates, in the order of the independent ones, into configurations."""
         q[:, self._at] = np.where(self._circle, np.cos(values), values)
         circles = self._circle
         q[:, self._at[circles] + 1] = np.sin(values[:, circles])

@@ -208,6 +208,33 @@ def tangent_of_forces(robot: Robot) -> Function:
     return build.function("tangent_of_forces")
 
 
+def momentum(robot: Robot) -> Function:
+    """Return the generalised momentum Nᵀ M v, its rate without motors, and the forces of those.
+
+    The rate is what a force that nobody told of is missing in: d(Nᵀ M v)/dt = rate + actuation + that force.
+    """
+    build = Builder()
+    free = robot.independent
+    q, v = build.take("q", robot.tree.nq), build.take("v_independent", len(free))
+    tau = build.take("tau", len(robot.motors))
+    robot, load = build.loaded(robot)
+    at = At(robot, build.tape, q)
+    moving, all_v, all_a = solutions.completed_motion(at, v, [0.0] * len(free), load)
+    needed, _ = at.projected(moving.needed(all_a))
+    projected, _ = at.projected(solutions.momenta(at, all_v))
+    found = [projected[i] for i in free]
+    turning = tangent(found, seeds_of(at, dict(zip(free, v, strict=True))))
+    acting: list[Number] = [0.0] * robot.tree.nv
+    for motor, force in zip(robot.motors, tau, strict=True):
+        acting[motor] = force
+    given, _ = at.projected(acting)
+    build.give("momentum", found)
+    build.give("rate", [change - needed[i] for change, i in zip(turning, free, strict=True)])
+    build.give("actuation", [given[i] for i in free])
+    build.evidence(at, CLOSED)
+    return build.function("momentum")
+
+
 def forward_dynamics(robot: Robot, stabilised: bool = False, checked: bool = False) -> Function:
     """Return the acceleration of the tree from its state and the motors' forces."""
     build = Builder()
@@ -399,6 +426,7 @@ FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
     "checked_forward_dynamics": partial(forward_dynamics, checked=True),
     "motion": motion,
     "completion": completion,
+    "momentum": momentum,
     "flow": flow,
     "stabilised_flow": stabilised_flow,
     "model_forces": model_forces,

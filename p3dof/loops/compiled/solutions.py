@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from p3dof._base.tracing import Number, Symbol
 from p3dof.loops.closed_tree import NEARLY_CLOSED, NEARLY_CONSISTENT
-from p3dof.loops.compiled.dynamics import mass_matrix
+from p3dof.loops.compiled.dynamics import forces, mass_matrix, motion, velocities
 from p3dof.loops.compiled.formulas import (
     LIGHTEST,
     MARGIN_OF_STATES,
@@ -19,7 +19,7 @@ from p3dof.loops.compiled.formulas import (
 )
 from p3dof.loops.compiled.function import Builder
 from p3dof.loops.compiled.pivots import solve_symmetric, symmetric_factors
-from p3dof.loops.tree_formulas import dot
+from p3dof.loops.tree_formulas import ZERO, dot
 
 
 class Borne(NamedTuple):
@@ -159,6 +159,15 @@ def projected_mass(at: At, rows: Sequence[int], columns: Sequence[int]) -> list[
             entries.append(total)
         found.append(entries)
     return found
+
+
+def momenta(at: At, v: Sequence[Number]) -> list[Number]:
+    """Return M v, as forces that accelerations v need at rest without weight."""
+    tree, still = at.robot.tree, [0.0] * at.robot.tree.nv
+    bodies = motion(tree, at.where, still, v, velocities(tree, at.where, still), ZERO)
+    return [
+        f + arm * x for f, arm, x in zip(forces(tree, at.where, bodies, {}), tree.armature, v, strict=True)
+    ]
 
 
 def heavy(at: At, places: Sequence[int], mass: Sequence[Sequence[Number]]) -> list[Number]:

@@ -1,0 +1,86 @@
+# What `p3dof.loops` offers; each name is imported when it is first used.
+
+from .assembly import Assembly, FrameTarget, State
+from .batch.assembly import BatchStates, FrameTargets
+from .batch.dynamics import BatchForwardDynamics, BatchHybridDynamics, BatchInverseDynamics
+from .batch.kinematics import BodyEnergies
+from .bushings import Bushing
+from .compiled.compiled_loop import CompiledLoop
+from .compiled.results import CompiledDerivatives, CompiledDynamics
+from .compliance import JointCompliance, beam
+from .derivatives import (
+    ByForces,
+    ByMotion,
+    ByPrescription,
+    ForwardDynamicsDerivatives,
+    HybridDynamicsDerivatives,
+    InverseDynamicsDerivatives,
+)
+from .margins import SingularityMargins
+from .minimal import FrameJacobian, MinimalDynamics
+from .model import ClosedLoopModel
+from .observer import MomentumObserver
+from .reactions import (
+    BatchReactions,
+    ClosureJoint,
+    JointReactions,
+    ReactionSolver,
+    reactions_batch,
+    reactions_by_each,
+)
+from .regressor import BaseParameters, LoopRegressor
+from .results import ForwardDynamics, HybridDynamics, InverseDynamics
+from .robots import load_robot
+from .sidecar import Closure, Coupling, JointData, MotorSide, Sidecar
+from .transmission import BoundDirection, ForceLimits, MappedMotion, ReflectedDynamics, Transmission
+
+__all__ = [
+    "Assembly",
+    "BaseParameters",
+    "BatchForwardDynamics",
+    "BatchHybridDynamics",
+    "BatchInverseDynamics",
+    "BatchReactions",
+    "BatchStates",
+    "BodyEnergies",
+    "BoundDirection",
+    "Bushing",
+    "ByForces",
+    "ByMotion",
+    "ByPrescription",
+    "ClosedLoopModel",
+    "Closure",
+    "ClosureJoint",
+    "CompiledDerivatives",
+    "CompiledDynamics",
+    "CompiledLoop",
+    "Coupling",
+    "ForceLimits",
+    "ForwardDynamics",
+    "ForwardDynamicsDerivatives",
+    "FrameJacobian",
+    "FrameTarget",
+    "FrameTargets",
+    "HybridDynamics",
+    "HybridDynamicsDerivatives",
+    "InverseDynamics",
+    "InverseDynamicsDerivatives",
+    "JointCompliance",
+    "JointData",
+    "JointReactions",
+    "LoopRegressor",
+    "MappedMotion",
+    "MinimalDynamics",
+    "MomentumObserver",
+    "MotorSide",
+    "ReactionSolver",
+    "ReflectedDynamics",
+    "Sidecar",
+    "SingularityMargins",
+    "State",
+    "Transmission",
+    "beam",
+    "load_robot",
+    "reactions_batch",
+    "reactions_by_each",
+]
