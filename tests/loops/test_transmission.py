@@ -397,6 +397,26 @@ def test_what_is_bound_is_what_many_samples_are(made, case):
 
 
 @pytest.mark.skipif(build.compiler() is None, reason="no C compiler is installed")
+def test_a_way_that_takes_too_many_pieces_does_not_end_well():
+    """Towards a dead point pieces are halved: they may run out after one that succeeded."""
+    loop = ClosedLoopModel.from_urdf(four_bar(*FOUR_BAR), FOUR_BAR_SIDECAR)
+    one = loop.around({"crank_joint": 1.0}).transmission(["rocker_joint"])
+    forth, _ = one.bind()
+    (home,), seen = one.positions("joint", one.home), []
+    target = home + np.linspace(0.02, 3.0, 300)
+    errors = one.joint_to_actuator(target[:, None]).errors
+    for value in target:
+        forth.inputs["position"][:] = home
+        forth.run()
+        assert forth.status == 0
+        forth.inputs["position"][:] = value
+        forth.run()
+        seen.append(forth.status)
+    assert [i for i, status in enumerate(seen) if status] == [*errors]
+    assert 100 < len(errors) < 200
+
+
+@pytest.mark.skipif(build.compiler() is None, reason="no C compiler is installed")
 def test_what_is_bound_belongs_to_a_thread(made):
     forth, _ = made("knee").bind()
     forth.inputs["position"][:] = 0.9
