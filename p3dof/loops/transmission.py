@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Readable, as_floats, shown
 from p3dof._base.errors import AssemblyError, InputError, ModelError, P3dofError, SingularityError
-from p3dof._base.threads import OneThread
+from p3dof._base.threads import OneThread, in_threads, shares, slices, thread_count
 from p3dof._base.tracing import Number, Tape
 from p3dof._base.tracing.python import function_of
 from p3dof._base.tracing.tape import tangent
@@ -40,7 +40,7 @@ from p3dof.loops.closed_tree import CLOSED
 from p3dof.loops.compiled import solutions
 from p3dof.loops.compiled.build import libraries
 from p3dof.loops.compiled.compiled_functions import CompiledFunctions
-from p3dof.loops.compiled.following import CONVERGED, CONVERGING, LARGEST_CORRECTION, Settler
+from p3dof.loops.compiled.following import CONVERGED, CONVERGING, LARGEST_CORRECTION, Settled, Settler
 from p3dof.loops.compiled.formulas import At, Robot, moved, seeds_of
 from p3dof.loops.compiled.function import Builder, Function, pointers, views
 from p3dof.loops.compiled.functions import FOLLOWED
@@ -331,6 +331,8 @@ def _bare(loop: LoopModel, names: Iterable[str]) -> LoopModel:
     return type(loop)(bare.model, replace(loop.sidecar, joint_data=entries))
 
 
+_SIDES = ("joint", "actuator")
+_BLOCK = 2_048  # samples that go from one to the next; each block anew, on however many threads
 MAPS = ("close", "motion")  # the functions that mapping positions is made of
 _PIECE, _MOST = 0.2, 16  # longest piece [rad, or share of the unit of length], and most of them
 TRIES, STEPS_OF_PIECE = (
@@ -725,7 +727,7 @@ class Transmission(Generic[LoopT]):
             If there is no such direction or function.
         """
         known_functions = [one for one in FUNCTIONS if "single" not in one]
-        if side not in ("joint", "actuator") or name not in known_functions:
+        if side not in _SIDES or name not in known_functions:
             known = f"'joint' or 'actuator' and one of {', '.join(known_functions)}"
             raise InputError(f"traced: expected {known}, got {shown(side)} and {shown(name)}")
         function: Function = getattr(self, side).function(name)
@@ -757,20 +759,48 @@ class Transmission(Generic[LoopT]):
         """
         if self.joint.level == "numpy":
             raise ModelError("transmission: bind needs a C compiler; joint_to_actuator does without one")
-        functions, parts, sides = [], [], {"joint": self.joint, "actuator": self.actuator}
-        for key, side in sides.items():
-            functions += [replace(side.function(name), name=f"{key}_{name}") for name in MAPS]
-            text = mapping_text(self, key)
-            parts.append(fill("transmission.in", **text, compute="", one="_one", unreached=1, singular=2))
-        for own, key in enumerate(sides):
-            more = {"own": own, "results": len(functions[-1].results), "other": [*sides][1 - own]}
-            parts.append(fill("transmission_bound.in", **mapping_text(self, key), **more))
-        (library,) = libraries([lanes_source(functions, "\n".join(parts), calls=False)], self.joint.level)
-        state = np.concatenate([self.home, *(self.positions(key, self.home) for key in sides)])
+        state = np.concatenate([self.home, *(self.positions(key, self.home) for key in _SIDES)])
         mine = OneThread("the arrays of this transmission, bind one in each thread").check
-        calls = {key: getattr(ctypes.PyDLL(library._name), f"{key}_bound") for key in sides}
-        one, other = (BoundDirection(side, calls[key], state, mine) for key, side in sides.items())
+        own = ctypes.PyDLL(self._library._name)
+        sides, calls = (self.joint, self.actuator), (own.joint_bound, own.actuator_bound)
+        one, other = (BoundDirection(*pair, state, mine) for pair in zip(sides, calls, strict=True))
         return one, other
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL:
+        """Both directions in C."""
+        texts = [mapping_text(self, key) for key in _SIDES]
+        functions = [
+            replace(getattr(self, key).function(name), name=f"{key}_{name}")
+            for key in _SIDES
+            for name in MAPS
+        ]
+        parts = [
+            fill("transmission.in", **text, compute="", one="_one", unreached=1, singular=2) for text in texts
+        ]
+        for own, text in enumerate(texts):
+            more = {"own": own, "results": len(functions[2 * own + 1].results), "other": _SIDES[1 - own]}
+            parts.append(fill("transmission_bound.in", **text, **more))
+        (library,) = libraries([lanes_source(functions, "\n".join(parts), calls=False)], self.joint.level)
+        return library
+
+    def _settled(self, side: Side, start: FloatArray, values: FloatArray) -> Settled:
+        """Return configurations at positions (N, n) of a side, from one that is closed."""
+        if side.level == "numpy":
+            return side.settle(start, values)
+        count, blocks = len(values), [*slices(len(values), _BLOCK)]
+        q, good = np.empty((count, len(start))), np.zeros(count, dtype=bool)
+        begin, targets = side.settle.values(start[None]), np.ascontiguousarray(values)
+        call = self._library.joint_many if side is self.joint else self._library.actuator_many
+        call.argtypes, call.restype = [ctypes.c_ssize_t, *[ctypes.c_void_p] * 5], None
+
+        def run(part: tuple[int, int]) -> None:
+            for block in blocks[slice(*part)]:
+                places = [array[block].ctypes.data for array in (targets, q, good)]
+                call(block.stop - block.start, start.ctypes.data, begin.ctypes.data, *places)
+
+        in_threads(run, shares(len(blocks), thread_count(None)))
+        return Settled(q, good)
 
     def _mapped(
         self, side: Side, other: Side, motion: Sequence[ArrayLike | None], near: ArrayLike | None
@@ -787,7 +817,7 @@ class Transmission(Generic[LoopT]):
         start = self.home if near is None else self.robot.assemble(None, guess=near).q
         finite = np.asarray(np.isfinite(np.concatenate(rows, axis=1)).all(axis=1))
         rows[0][~finite] = side.settle.values(start[None])
-        q, good = side.settle(start, rows[0])
+        q, good = self._settled(side, np.ascontiguousarray(start), rows[0])
         found = side.rows("motion", {"q": q, "v": rows[1], "a": rows[2]})
         position = other.settle.values(q)
         errors: dict[int, P3dofError] = {}
