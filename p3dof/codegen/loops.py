@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -354,6 +354,31 @@ _MAPS = {
 }
 
 
+_RATES = ("position", "velocity", "acceleration")
+
+
+class _OnGpu(NamedTuple):
+    """A function in CUDA C++, with the sizes of what it takes and gives by name."""
+
+    name: str
+    inputs: Mapping[str, int]
+    outputs: Mapping[str, int]
+
+    def row(self) -> str:
+        """Return what a comment says of it."""
+        given, found = (
+            [name if size == 1 else f"{name} ({size})" for name, size in sizes.items() if size]
+            for sizes in (self.inputs, self.outputs)
+        )
+        return "\n".join(
+            _wrapped(f"{self.name}: ", [*given[:-1], f"{given[-1]} -> {found[0]}", *found[1:]], 110)
+        )
+
+    def called(self, macro: str) -> str:
+        """Return what makes it a kernel, and a function of the host."""
+        return f"{macro}({self.name}, {sum(self.inputs.values())}, {sum(self.outputs.values())})"
+
+
 class TransmissionPrinter:
     """The parts of a robot's C that map between coordinates and actuators."""
 
@@ -392,21 +417,29 @@ class TransmissionPrinter:
     def _rounding(self) -> float:
         return 32.0 * self._precision.epsilon if self._precision is SINGLE else 0.0
 
+    def _core(self, side: str, **statuses: str) -> str:
+        text = mapping_text(self.transmission, side, self._rounding)
+        return core_of("transmission.in", **text, **statuses, compute="compute_", one="")
+
+    def cuda(self) -> tuple[str, list[_OnGpu]]:
+        """Return what maps positions on a GPU, and rows of its functions."""
+        n, nq, texts, rows = self._n, self._nq, list[str](), list[_OnGpu]()
+        texts += [self._core(side, unreached="1", singular="2") for side in _MAPS]
+        for side, other in _OTHER.items():
+            outputs = {"status": 1, "q_out": nq, "position_out": n, **self._steps[f"{side}_motion"].outputs}
+            inputs = {"q": nq, "position_before": n, **dict.fromkeys(_RATES, n)}
+            results = str(len(self._steps[f"{side}_motion"].results))
+            more = {"nq": str(nq), "n": str(n), "results": results}
+            texts.append(fill("loop_cuda_map.in", side=side, other=other, **more))
+            rows.append(_OnGpu(f"{side}_to_{other}", inputs, outputs))
+        return "\n".join(texts), rows
+
     def definitions(self) -> str:
         """Return the functions."""
         step = self._steps["joint_motion"]
         shared = {**self._shared, "results": str(len(step.results))}
         statuses = {"unreached": f"{self._P}_UNREACHED", "singular": f"{self._P}_SINGULAR"}
-        maps = [
-            core_of(
-                "transmission.in",
-                **mapping_text(self.transmission, side, self._rounding),
-                **statuses,
-                compute="compute_",
-                one="",
-            )
-            for side in _MAPS
-        ]
+        maps = [self._core(side, **statuses) for side in _MAPS]
         maps += [
             fill("loop_map.in", **shared, head=self._map_head(side), side=side, other=other)
             for side, other in _OTHER.items()
@@ -512,10 +545,7 @@ class TransmissionPrinter:
 
     def _map_row(self, side: str) -> Prototype:
         n = (self._n,)
-        given = tuple(
-            Argument(name, shape=n, optional=name != "position")
-            for name in ("position", "velocity", "acceleration")
-        )
+        given = tuple(Argument(name, shape=n, optional=name != "position") for name in _RATES)
         found = tuple(Argument(f"{one.name}_out", shape=n) for one in given)
         return Prototype(f"{side}_to_{_OTHER[side]}", given, (*found, _TOLD))
 
@@ -632,6 +662,23 @@ class LoopPrinter:
             **_position_limits(self.robot, self.precision.largest),
         )
         return text if self.precision is DOUBLE else self.precision.code(text)
+
+    def cuda(self) -> str:
+        """Return the functions for a GPU."""
+        printed = [*self.functions, *(self.maps.functions if self.maps is not None else ())]
+        code = "\n\n".join(_computation(function) for function in printed)
+        rows = [_OnGpu(one.name, one.inputs, one.outputs) for one in printed]
+        if self.maps is not None:
+            text, maps = self.maps.cuda()
+            code, rows = f"{code}\n\n{text}", [*rows, *maps]
+        return fill(
+            "loop_cuda.in",
+            **self._shared,
+            told="\n".join(f" * {line}".rstrip() for line in self._orders()),
+            rows="\n".join(f" * {line}" for one in rows for line in one.row().splitlines()),
+            computations=re.sub(r"^static (void|int) ", r"static __device__ \1 ", code, flags=re.MULTILINE),
+            functions="\n".join(one.called(f"{self.prefix.upper()}_CUDA_FUNCTION") for one in rows),
+        )
 
     def web(self) -> WebModule:
         """Return what the WebAssembly offers."""
@@ -927,6 +974,7 @@ def loop_files(
     actuators: Iterable[str] | None = None,
     precision: str = "double",
     observer: bool = False,
+    cuda: bool = False,
 ) -> LoopCode:
     """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
     if not robot.model.nv:
@@ -953,6 +1001,10 @@ def loop_files(
             "loop_selftest.in", note=note, **selftest(robot, compiled, printer, chosen)
         ),
     }
+    if cuda:
+        if kind is SINGLE:
+            raise InputError("float: CUDA C++ computes with doubles, leave out --cuda")
+        c[f"{name}_cuda.cu"] = printer.cuda()
     texts = with_build(c, note, name, cpu) | {"README.md": printer.readme()}
     every = [*chosen, *(printer.maps.functions if printer.maps is not None else ())]
     return LoopCode(texts, {one.name: one.operations for one in every}, printer.web())

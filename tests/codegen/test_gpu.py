@@ -6,10 +6,12 @@ import ctypes
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from compilers import CC, CPP, each_cpp
+from gallery import GALLERY
 from generated_c import general
 from machines import conditioning, off, random_machine, random_states, virtual_power_forces
 
@@ -19,6 +21,7 @@ from p3dof._base.tracing import Symbol
 from p3dof._base.tracing.tape import Operation
 from p3dof.cli import main
 from p3dof.codegen import gpu
+from p3dof.codegen.loops import loop_files
 from p3dof.codegen.machine import GIVEN, parameter_row
 from p3dof.machine.motion import paper_motion
 from p3dof.machine.parameters import PAPER
@@ -320,3 +323,139 @@ def test_the_command_writes_it(tmp_path, capsys):
     assert main(["codegen", "--cuda"]) != 0
     assert main(["codegen", "--out", str(tmp_path), "--cuda", "--float"]) != 0
     assert "leave out --cuda" in " ".join(capsys.readouterr().err.split())
+
+
+# Any robot
+
+
+class RobotOnGpu:
+    """The functions of a robot in CUDA C++, compiled as C++, on columns."""
+
+    def __init__(self, folder, compiler, robot, **options):
+        (folder / "cuda_runtime.h").write_text(SHIM, encoding="ascii")
+        text = loop_files(robot, "bot", cuda=True, **options).files["bot_cuda.cu"]
+        self.text = text
+        before = "#define BOT_CUDA_LAUNCH P3DOF_CUDA_LAUNCH\n#define P3DOF_CUDA_BLOCK BOT_CUDA_BLOCK\n"
+        (folder / "bot.cpp").write_text(before + text, encoding="ascii")
+        flags = "-std=c++17 -O1 -Wall -Wextra -Werror -shared -fPIC -I ."
+        command = [compiler, *flags.split(), "bot.cpp", "-o", "bot.so"]
+        subprocess.run(command, cwd=folder, check=True)
+        self.library = ctypes.CDLL(str(folder / "bot.so"))
+
+    def __call__(self, name, outputs, *rows):
+        """Outputs (N, outputs) of inputs (N, size) each."""
+        given = np.ascontiguousarray(np.concatenate(rows, axis=1).T)
+        found, double = np.full((outputs, given.shape[1]), np.nan), ctypes.POINTER(ctypes.c_double)
+        call = getattr(self.library, f"bot_cuda_{name}")
+        status = call(ctypes.c_size_t(given.shape[1]), *(x.ctypes.data_as(double) for x in (given, found)))
+        assert status == 0
+        return found.T
+
+
+@each_cpp
+def test_a_transmission_in_cuda_is_that_of_python(tmp_path, compiler):
+    """Positions on their branch, motions, forces and gains of many samples, and one that is out of reach."""
+    robot = p3dof.load_robot(GALLERY / "leg.urdf")
+    one = robot.transmission(["ankle_pitch", "ankle_roll"])
+    gpu = RobotOnGpu(tmp_path, compiler, robot, coordinates=["ankle_pitch", "ankle_roll"])
+    rng, n = np.random.default_rng(0), 400
+    x = rng.uniform([-0.5, -0.25], [0.2, 0.25], (n, 2))
+    v, a, f = rng.normal(size=(3, n, 2))
+    start = np.tile(one.home, (n, 1)), np.tile(one.positions("joint", one.home), (n, 1))
+    found = gpu("joint_to_actuator", 26, *start, x, v, a)
+    expected = one.joint_to_actuator(x, v, a)
+    assert not found[:, 0].any()
+    assert (found[:, -1] > 0).all()
+    for values, wanted in zip(
+        np.split(found[:, 13:23], [2, 4, 6], axis=1),
+        (expected.position, expected.velocity, expected.acceleration, expected.jacobian.reshape(n, 4)),
+        strict=True,
+    ):
+        np.testing.assert_allclose(values, wanted, rtol=0, atol=1e-11 * max(1.0, np.abs(wanted).max()))
+    q = found[:, 1:13]
+    back = gpu("actuator_to_joint", 26, q, found[:, 13:15], *np.split(found[:, 13:19], 3, axis=1))
+    np.testing.assert_allclose(back[:, 13:19], np.concatenate([x, v, a], axis=1), rtol=0, atol=1e-10)
+    forces = gpu("joint_to_actuator_forces", 5, q, f)[:, :2]
+    np.testing.assert_allclose(forces, one.actuator_forces(q, f), rtol=0, atol=1e-11)
+    K, D = np.tile(np.diag([80.0, 60.0]).ravel(), (n, 1)), np.tile(np.diag([2.0, 1.0]).ravel(), (n, 1))
+    gains = gpu("joint_to_actuator_gains", 11, q, K, D, f)[:, :8]
+    wanted = [
+        one.actuator_gains(*sample)
+        for sample in zip(q, K.reshape(n, 2, 2), D.reshape(n, 2, 2), f, strict=True)
+    ]
+    np.testing.assert_allclose(gains, np.reshape(wanted, (n, 8)), rtol=0, atol=1e-9)
+    far = gpu("joint_to_actuator", 26, *(rows[:1] for rows in (*start, x + 3.0, v, a)))[0]
+    assert far[0] == 1
+    np.testing.assert_array_equal(far[1:13], one.home)
+    assert np.isnan(far[15:]).all()
+
+
+def test_the_dynamics_of_a_robot_in_cuda_are_those_of_python(tmp_path):
+    robot = p3dof.load_robot(GALLERY / "stewart.urdf")
+    gpu = RobotOnGpu(tmp_path, CPP[Path(CC).name], robot, external=["platform"])
+    compiled, start = robot.compile(external=["platform"]), robot.assemble().q
+    time = np.arange(0, 0.3, 1e-3)
+    phase = np.arange(6)
+    turned = 9 * time[:, None] + phase
+    legs = start[[2, 5, 8, 11, 14, 17]] + 0.02 * (np.sin(turned) - np.sin(phase))
+    speed, push = 0.18 * np.cos(turned), -1.62 * np.sin(turned)
+    wrench = np.random.default_rng(1).normal(size=(len(time), 6))
+    motion = compiled.complete(time, legs, speed, push, {"platform": wrench})
+    found = gpu("inverse_dynamics", 6 + 18 + 3, motion.q, motion.v, motion.a, wrench)
+    np.testing.assert_allclose(found[:, :6], motion.tau, rtol=0, atol=1e-9)
+    assert (found[:, -1] > 0).all()
+    back = gpu("forward_dynamics", 24 + 3, motion.q, motion.v, motion.tau, wrench)
+    np.testing.assert_allclose(back[:, :24], motion.a, rtol=0, atol=1e-9 * np.abs(motion.a).max())
+
+
+DEVICE = """
+#pragma once
+#include <stddef.h>
+#define __host__ __attribute__((host))
+#define __device__ __attribute__((device))
+#define __global__ __attribute__((global))
+struct dim3 { unsigned x, y, z; dim3(unsigned a) : x(a), y(1), z(1) {} };
+enum cudaError_t { cudaSuccess, cudaErrorInvalidValue };
+enum cudaMemcpyKind { cudaMemcpyHostToDevice, cudaMemcpyDeviceToHost };
+extern "C" cudaError_t cudaConfigureCall(dim3, dim3, size_t = 0, void * = 0);
+extern "C" unsigned __cudaPushCallConfiguration(dim3, dim3, size_t = 0, void * = 0);
+cudaError_t cudaMalloc(void **, size_t);
+cudaError_t cudaMemcpy(void *, const void *, size_t, cudaMemcpyKind);
+cudaError_t cudaGetLastError();
+cudaError_t cudaFree(void *);
+struct place { unsigned x; };
+extern const __device__ __attribute__((weak)) place gridDim, blockDim, blockIdx, threadIdx;
+extern "C" {
+__device__ double sin(double);
+__device__ double cos(double);
+__device__ double sqrt(double);
+__device__ double fabs(double);
+__device__ double floor(double);
+__device__ double tanh(double);
+__device__ double atan2(double, double);
+__device__ void *memcpy(void *, const void *, size_t);
+}
+"""
+"""What of CUDA a compiler for the device has to know: nothing of the host may be called there."""
+
+
+def test_a_compiler_for_the_device_takes_it(tmp_path):
+    """Clang has one, without CUDA: a kernel for each function, in assembly of a GPU."""
+    if shutil.which("clang++") is None:
+        pytest.skip("clang++ not installed")
+    robot = p3dof.load_robot(GALLERY / "leg.urdf")
+    text = loop_files(robot, "bot", coordinates=["knee"], observer=True, cuda=True).files["bot_cuda.cu"]
+    (tmp_path / "cuda_runtime.h").write_text(DEVICE, encoding="ascii")
+    (tmp_path / "bot.cu").write_text(text, encoding="ascii")
+    flags = "-x cuda --cuda-gpu-arch=sm_70 -nocudainc -nocudalib --cuda-device-only -S -O1 -I . -Wall -Werror"
+    quiet = "-Wno-unknown-cuda-version"
+    command = ["clang++", *flags.split(), quiet, "bot.cu", "-o", "bot.ptx"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    kernels = (tmp_path / "bot.ptx").read_text(encoding="ascii").count(".entry")
+    assert kernels == text.count("\nBOT_CUDA_FUNCTION(") == 14
+
+
+def test_single_precision_is_not_for_cuda():
+    robot = p3dof.load_robot(GALLERY / "leg.urdf")
+    with pytest.raises(InputError, match="CUDA C\\+\\+ computes with doubles"):
+        loop_files(robot, coordinates=["ankle_pitch", "ankle_roll"], precision="float", cuda=True)

@@ -47,6 +47,7 @@ from p3dof.loops import ClosedLoopModel
 @click.option(
     "--actuators", help="Actuators behind --coordinates, with commas; all of the linkage by default."
 )
+@click.option("--cuda", is_flag=True, help="Also CUDA C++: the functions at many samples.")
 @click.option("--observer", is_flag=True, help="A momentum observer of contact forces.")
 @click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
 @CPU
@@ -64,6 +65,7 @@ def codegen(
     inertias: tuple[str, ...],
     coordinates: str | None,
     actuators: str | None,
+    cuda: bool,
     observer: bool,
     single: bool,
     cpu: str,
@@ -79,7 +81,7 @@ def codegen(
     if wasm and single:
         raise InputError("--wasm: JavaScript's numbers are doubles: leave --float out")
     kind, loads = "float" if single else "double", (external, joint_forces, inertias)
-    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind, observer)
+    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind, observer, cuda)
     job = Generated.of(code.files, out, MARK, WebFiles(code.web), wasm)
     if check:
         return print_check({out: job.differences()})
@@ -110,6 +112,7 @@ def _command() -> str:
         "--inertia": given["inertias"],
         "--coordinates": given["coordinates"],
         "--actuators": given["actuators"],
+        "--cuda": given["cuda"],
         "--observer": given["observer"],
         "--float": given["single"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
