@@ -2,6 +2,7 @@
 
 import threading
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,7 @@ from closed_loop_robots import (
     parallelogram,
     robot,
 )
+from example_robot_data.robots_loader import getModelPath
 from gallery import GALLERY, gallery
 from mujoco_opinion import null_space
 from mujoco_robots import in_mujoco
@@ -44,6 +46,7 @@ PUBLIC = {
     "panda": ("panda", ("panda_finger_joint2",)),
     "knee belt": ("plus_leg_with_rotors", ("to_thigh_rotor",)),
     "leg of a plane": ("plus_planar_leg", ("driver_to_foot",)),
+    "cassie": ("cassie", ("left-shin-tarsus-joint", "left-foot-op")),
     "ankle and knee": ("digit_like/robot.urdf", ("motor_hip_z", "free_knee", "free_foot1", "free_foot2")),
     "knee belt, outside": ("urdf_plus/mini_cheetah_leg.urdf", ("thigh_to_knee_rotor_j",)),
     "leg of a plane, outside": ("urdf_plus/planar_leg_linkage.urdf", ("driver_to_foot",)),
@@ -103,12 +106,22 @@ def test_motions_are_those_of_the_general_layer_both_ways(made, case):
         assert_allclose(there.acceleration[i], state.a[other], rtol=0, atol=1e-9 * np.abs(state.a).max())
 
 
+def cassie(name):
+    """Cassie in a stance, with a stiff shin at the left; in the file the linkage of the foot is flat."""
+    stance = {"tarsus-crank-joint": -1.5, "crank-rod-joint": 1.5, "foot-op": -1.5, "knee-op": -1.6}
+    stance = {f"left-{joint}": angle for joint, angle in {**stance, "shin-tarsus-joint": 0.0}.items()}
+    sidecar = Sidecar((), ("left-knee-op", "left-tarsus-crank-joint"), reference=stance)
+    path = f"/{name}_description/robots/{name}_v2.sdf"
+    return p3dof.load_robot(Path(getModelPath(path)) / path[1:], sidecar).lock({"left-knee-shin-joint": 0.0})
+
+
 @pytest.mark.parametrize("case", [case for case, (name, _) in PUBLIC.items() if "/" not in name or OUTSIDE])
 def test_robots_of_public_files_are_mapped_both_ways(case):
     name, coordinates = PUBLIC[case]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # what they say of visuals and materials
-        loop = p3dof.load_robot(name) if name == "panda" else load(name)
+        own_way = {"panda": p3dof.load_robot, "cassie": cassie}
+        loop = own_way.get(name, load)(name)
     one = loop.transmission(coordinates)
     x, v, a = motions(one, 20, 0.05)
     there = one.joint_to_actuator(x, v, a)
