@@ -196,7 +196,7 @@ $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
 	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
-		-e '.[cluster,dev,interop]'
+		-e '.[adapters,cluster,dev,interop]'
 	@touch $@ $(VENV)/.dev $(VENV)/.demo
 
 $(VENV)/.docs: $(DEV)
