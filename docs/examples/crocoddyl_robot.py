@@ -57,5 +57,4 @@ if __name__ == "__main__":
     action = RobotAction(p3dof.load().loop, np.zeros(6), np.ones(6), 1.0)
     found = action.createData()
     action.calcDiff(found, np.full(6, 0.02), np.full(3, 50.0))
-    print("accelerations [m/s²]:", found.xout)
-    print("and their derivatives by the forces [1/kg]:", *found.Fu)
+    print("accelerations [m/s²]:", found.xout, "their derivatives by the forces [1/kg]:", *found.Fu)
