@@ -35,7 +35,8 @@ EXCEPTIONS = {
     "this processor runs no programs of 32 bits": True,
     "this usd-core has no UsdValidation": True,  # Pixar leaves it out of some wheels
     "pybullet not installed": sys.version_info >= (3, 12),  # no wheels beyond
-    "(mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before
+    "(mink|mujoco|usd-core|rerun|Newton|viser) not installed": sys.version_info < (3, 11),  # no wheels before
+    "torch not installed": True,  # its wheels for Linux on the index bring 2.6 GB for GPUs
 }
 """Reasons to skip that are no failed installation, and where they hold."""
 

@@ -18,19 +18,16 @@ class ClosureTask(pink.tasks.Task):
         super().__init__(cost=cost)
         self.robot = robot
 
-    def _rows(self, configuration):
+    def compute_error(self, configuration, jacobian=False):
+        """Return the errors of the closures [m, rad]."""
         J = self.robot.closure_jacobian(configuration.q)
         U, values, _ = np.linalg.svd(J)
         along = U[:, : np.count_nonzero(values > 1e-9 * values[0])].T
-        return along @ self.robot.closure_error(configuration.q), along @ J
-
-    def compute_error(self, configuration):
-        """Return the errors of the closures [m, rad]."""
-        return self._rows(configuration)[0]
+        return along @ (J if jacobian else self.robot.closure_error(configuration.q))
 
     def compute_jacobian(self, configuration):
         """Return their Jacobian by the velocities of the tree."""
-        return self._rows(configuration)[1]
+        return self.compute_error(configuration, jacobian=True)
 
     def __repr__(self):
         return f"ClosureTask({self.robot!r}, cost={self.cost})"
@@ -58,9 +55,5 @@ if __name__ == "__main__":
     goal = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.05, 0.2), np.array([0.03, 0.02, 0.52]))
     q = reach(stewart, "platform", goal)[-1]
     ours = stewart.assemble(p3dof.FrameTarget("platform", goal)).q
-    print(
-        "loops open by [m]:",
-        np.abs(stewart.closure_error(q)).max(),
-        "joints elsewhere:",
-        np.abs(q - ours).max(),
-    )
+    opening = np.abs(stewart.closure_error(q)).max()
+    print("loops open by [m]:", opening, "joints elsewhere by [m, rad]:", np.abs(q - ours).max())
