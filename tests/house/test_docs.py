@@ -20,6 +20,8 @@ _LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "works
 _LONG += "derivatives-of-any-robot", "plan-a-task", "sweeps-of-millions", "see-any-robot"
 SLOW = dict.fromkeys((f"{stem}.md" for stem in _LONG), pytest.mark.slow)
 """Other tests hold what these say, and they take long."""
+LIBRARIES = {"jax": "jax", **dict.fromkeys(("casadi", "crocoddyl", "mink", "pink"), "adapters")}
+"""What the blocks of a page import, also as the beginning of an example's name, and where it is from."""
 TOLD = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
 RUN = [page for page in TOLD if page not in WALKED and page.name not in ELSEWHERE]
 
@@ -28,8 +30,10 @@ def need_tools(page, *tools):
     """Skip a page whose commands need what is not here."""
     if any("--wasm" in command for command in commands(page)):
         tools += ("clang", "wasm-ld")
-    if any("import jax" in block.text for block in blocks(page)):
-        pytest.importorskip("jax", reason="jax not installed: pip install 'p3dof[jax]'")
+    text = "\n".join(block.text for block in blocks(page) if block.language == "python")
+    for library, extra in LIBRARIES.items():
+        if re.search(rf"^ *(import|from) {library}", text, re.MULTILINE):
+            pytest.importorskip(library, reason=f"{library} not installed: pip install 'p3dof[{extra}]'")
     for tool in tools:
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} not installed")
