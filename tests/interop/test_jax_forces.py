@@ -99,6 +99,12 @@ def test_what_is_out_of_reach_is_nan_beside_others():
         jax.block_until_ready(forces(np.full(9, np.nan)))
 
 
+def test_a_second_derivative_is_an_error(case):
+    forces, _, (x, *_) = case
+    with pytest.raises(ValueError, match="callbacks do not support JVP"):
+        jax.jacfwd(jax.jacrev(forces))(x)
+
+
 def test_redundant_motors_are_refused():
     with pytest.raises(ValueError, match="expected as many motors as free motions, got"):
         inverse_dynamics(gallery("two_arms"))
