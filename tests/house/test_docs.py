@@ -34,6 +34,11 @@ def need_tools(page, *tools):
     for library, extra in LIBRARIES.items():
         if re.search(rf"^ *(import|from) {library}", text, re.MULTILINE):
             pytest.importorskip(library, reason=f"{library} not installed: pip install 'p3dof[{extra}]'")
+    if any("import jax" in block.text for block in blocks(page)):
+        pytest.importorskip("jax", reason="jax not installed: pip install 'p3dof[jax]'")
+    for library in ("fmpy", "gymnasium", "rerun"):
+        if any(f"import {library}" in block.text for block in blocks(page)):
+            pytest.importorskip(library, reason=f"{library} not installed")
     for tool in tools:
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} not installed")
