@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import p3dof
 from p3dof.runs import JointPD, simulate_robot, simulate_robot_many
 
-rerun = pytest.importorskip("rerun", reason="rerun not installed: pip install 'p3dof[interop]'")
+rerun = pytest.importorskip("rerun", reason="rerun not installed: pip install 'p3dof[adapters]'")
 reading = pytest.importorskip("rerun.chunk", reason="this rerun-sdk has no rerun.chunk")
 robot_in_rerun = pytest.importorskip("robot_in_rerun")
 GALLERY = ROOT / "docs/_static/gallery"
