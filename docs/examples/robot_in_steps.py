@@ -39,7 +39,12 @@ class RobotInSteps:
     def step(self, duration):
         """Go on; returns whether the robot could, which ends at the limits of its joints."""
         run = simulate_robot(self.loop, duration, self.q, self.v, self._controller(), samples=2)
-        self.q, self.v, self.torque, self.time = run.q[-1], run.v[-1], run.forces[-1], self.time + duration
+        self.q, self.v, self.torque, self.time = (
+            run.q[-1],
+            run.v[-1],
+            run.forces[-1],
+            self.time + run.time[-1],
+        )
         return run.stop is None
 
     def _controller(self):

@@ -46,7 +46,7 @@ def learn(generations, seed=1, population=24, starts=8, steps=STEPS):
 
 
 if __name__ == "__main__":
-    policy, curve = learn(150)
+    policy, curve = learn(int(sys.argv[2]) if len(sys.argv) > 2 else 150)
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
     left.plot(curve.max(axis=1), label="best of a generation")
     left.plot(np.median(curve, axis=1), label="median")

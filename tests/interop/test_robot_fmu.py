@@ -130,3 +130,11 @@ def test_two_fmus_at_once_are_alone(fmus, loop):
         slave.terminate()
         slave.freeInstance()
     shutil.rmtree(folder)
+
+
+def test_a_limit_of_a_joint_ends_the_steps():
+    robot = robot_in_steps.RobotInSteps()
+    robot.target[:] = 3.5, -1.0
+    assert robot.step(STEP)
+    assert any(not robot.step(STEP) for _ in range(4))
+    assert robot.time < 5 * STEP
