@@ -57,4 +57,4 @@ def build(folder, files=(*robot_in_steps.FILES, robot_in_steps.__file__)):
 
 
 if __name__ == "__main__":
-    print(*build(sys.argv[1]), sep="\n")
+    print(*build(*sys.argv[1:2] or ["out"]), sep="\n")

@@ -46,13 +46,14 @@ def log_motion(recording, loop, time, q, series, at="robot"):
 
 
 if __name__ == "__main__":
+    path = sys.argv[1] if len(sys.argv) > 1 else "run.rrd"
     robot = p3dof.load_robot(GALLERY / "stewart.urdf")
     control = p3dof.runs.JointPD(
         robot, np.full(6, 0.6) + 0.04 * (-1.0) ** np.arange(6), 4e3, 2e2, gravity=True
     )
     run = p3dof.runs.simulate_robot(robot, 1.0, controller=control, samples=201)
     with rr.RecordingStream("p3dof") as stream:
-        stream.save(sys.argv[1])
+        stream.save(path)
         log_bodies(stream, robot)
         log_motion(stream, robot, run.time, run.q, {"force": run.forces, "error": run.error})
-    print(f"{len(run.time)} samples of {robot.model.njoints} bodies in {sys.argv[1]}")
+    print(f"{len(run.time)} samples of {robot.model.njoints} bodies in {path}")

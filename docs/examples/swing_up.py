@@ -18,6 +18,8 @@ class SwingUpVector(gym.vector.VectorEnv):
 
     def __init__(self, num_envs=1, file=FILE):
         self.num_envs, self.loop = num_envs, p3dof.load_robot(file)
+        if len(self.loop.actuated) != 1:
+            raise ValueError(f"expected a robot with one motor, got {', '.join(self.loop.actuated)}")
         self.single_observation_space = gym.spaces.Box(-1, 1, (3,), np.float32)
         self.single_action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -32,10 +34,9 @@ class SwingUpVector(gym.vector.VectorEnv):
         self.rngs = [np.random.default_rng() for _ in range(num_envs)]
 
     def _start(self, which):
-        hanging = self.angles[self.height.argmin()]
-        angles = [hanging + self.rngs[i].uniform(-0.3, 0.3, 1) for i in which]
+        angles = [self.angles[self.height.argmin()] + self.rngs[i].uniform(-0.3, 0.3, 1) for i in which]
         states = self.loop.complete_batch(np.reshape(angles, (-1, 1)), *np.zeros((2, len(which), 1)))
-        self.q[which], self.v[which], self.steps[which] = states.q, 0, 0
+        self.q[which], self.v[which], self.steps[which], self.over[which] = states.q, 0, 0, False
 
     def _observation(self):
         angle, speed = self.q[:, self.crank], self.v[:, self.crank] / SPEED
@@ -46,12 +47,11 @@ class SwingUpVector(gym.vector.VectorEnv):
             seeds = seed + np.arange(self.num_envs) if np.isscalar(seed) else seed
             self.rngs = [np.random.default_rng(one) for one in seeds]
         self._start(np.arange(self.num_envs))
-        self.over = np.zeros(self.num_envs, bool)
         return self._observation(), {}
 
     def step(self, actions):
         columns = {"q": self.q, "v": self.v, "forces": TORQUE * np.clip(actions, -1, 1)}
-        runs, new = p3dof.runs.simulate_robot_many(self.loop, PERIOD, columns, stop_at=()), self.over
+        runs, new = p3dof.runs.simulate_robot_many(self.loop, PERIOD, columns, stop_at=()), self.over.copy()
         self.q, self.v, self.steps = runs.q.copy(), runs.v.copy(), self.steps + 1
         self._start(np.flatnonzero(new))
         height = np.interp(self.q[:, self.crank], self.angles[:, 0], self.height, period=2 * np.pi)

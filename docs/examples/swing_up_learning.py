@@ -46,7 +46,8 @@ def learn(generations, seed=1, population=24, starts=8, steps=STEPS):
 
 
 if __name__ == "__main__":
-    policy, curve = learn(int(sys.argv[2]) if len(sys.argv) > 2 else 150)
+    picture, generations = [*sys.argv[1:], *("swing_up.png", "150")[len(sys.argv) - 1 :]]
+    policy, curve = learn(int(generations))
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
     left.plot(curve.max(axis=1), label="best of a generation")
     left.plot(np.median(curve, axis=1), label="median")
@@ -56,4 +57,4 @@ if __name__ == "__main__":
     right.plot(PERIOD * np.arange(1, STEPS + 1), tests, color="C0", alpha=0.5)
     right.set(xlabel="time [s]", ylabel="height (0 hanging, 1 upright), new starts")
     print(f"return {tests.sum(axis=0).mean():.0f}, the first generation's {curve[0].mean():.0f}")
-    figure.savefig(sys.argv[1], dpi=110)
+    figure.savefig(picture, dpi=110)

@@ -72,6 +72,11 @@ def test_the_reward_is_the_share_of_the_potential_energy():
     assert np.abs(held).max() > 2.5 * swing_up.TORQUE  # so no constant torque lifts it
 
 
+def test_a_robot_with_several_motors_is_told():
+    with pytest.raises(ValueError, match="expected a robot with one motor, got left_motor, right_motor"):
+        swing_up.SwingUpVector(1, swing_up.FILE.with_stem("five_bar"))
+
+
 def rise(generations, steps, share, **options):
     """Learn, and compare with the first generation, and with a motor that does nothing."""
     pytest.importorskip("cma", reason="cma not installed: pip install 'p3dof[adapters]'")
