@@ -20,7 +20,8 @@ _LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "works
 _LONG += "derivatives-of-any-robot", "plan-a-task", "sweeps-of-millions", "see-any-robot"
 SLOW = dict.fromkeys((f"{stem}.md" for stem in _LONG), pytest.mark.slow)
 """Other tests hold what these say, and they take long."""
-LIBRARIES = {"jax": "jax", **dict.fromkeys(("casadi", "crocoddyl", "mink", "pink"), "adapters")}
+_ADAPTED = ("casadi", "crocoddyl", "fmpy", "gymnasium", "mink", "pink")
+LIBRARIES = {"jax": "jax", "rerun": "interop", **dict.fromkeys(_ADAPTED, "adapters")}
 """What the blocks of a page import, also as the beginning of an example's name, and where it is from."""
 TOLD = [page for page in PAGES if commands(page) or any(block.language == "python" for block in blocks(page))]
 RUN = [page for page in TOLD if page not in WALKED and page.name not in ELSEWHERE]
@@ -34,11 +35,6 @@ def need_tools(page, *tools):
     for library, extra in LIBRARIES.items():
         if re.search(rf"^ *(import|from) {library}", text, re.MULTILINE):
             pytest.importorskip(library, reason=f"{library} not installed: pip install 'p3dof[{extra}]'")
-    if any("import jax" in block.text for block in blocks(page)):
-        pytest.importorskip("jax", reason="jax not installed: pip install 'p3dof[jax]'")
-    for library in ("fmpy", "gymnasium", "rerun"):
-        if any(f"import {library}" in block.text for block in blocks(page)):
-            pytest.importorskip(library, reason=f"{library} not installed")
     for tool in tools:
         if shutil.which(tool) is None:
             pytest.skip(f"{tool} not installed")
