@@ -22,7 +22,7 @@ from p3dof.machine.motion import Motion, paper_motion
 
 T = TypeVar("T")
 
-_SCENE = "glb"
+_SCENE, _ROS2 = "glb", "ros2"
 OUT_FOLDER = click.option(
     "--out",
     type=OutputFolder(stream=True),
@@ -50,11 +50,11 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
 @click.option(
     "--format",
     "formats",
-    type=click.Choice(("all", *description.FORMATS, _SCENE)),
+    type=click.Choice(("all", *description.FORMATS, _SCENE, _ROS2)),
     multiple=True,
     default=("all",),
-    help="Format to write; repeatable. glb, not part of all, is the moving machine for "
-    "browsers, presentations and Blender.",
+    help="Format to write; repeatable. Not part of all are glb, the moving machine for browsers, "
+    "presentations and Blender, and ros2, a package for ROS 2.",
 )
 @click.option(
     "--motion",
@@ -62,6 +62,7 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
     type=InputFile(),
     help="Motion file of the glb (CSV); by default the paper's motion.",
 )
+@click.option("--prefix", help="Prefix of all names and files of a ROS package, and its name.")
 def export(
     parameters: Path | None,
     out: Path | None,
@@ -69,14 +70,20 @@ def export(
     force: bool,
     formats: tuple[str, ...],
     motion_file: Path | None,
+    prefix: str | None,
 ) -> int:
     """Write the model for other tools, with its loop closures where the format has them."""
+    alone = {_SCENE, _ROS2} & {*formats}
+    if alone and (len({*formats}) > 1 or check or out == STREAM):
+        raise click.UsageError(f"--format {min(alone)} goes with no other one, no --check and no stream")
+    if prefix is not None and _ROS2 not in formats:
+        raise click.UsageError(f"--prefix belongs to --format {_ROS2}")
     if _SCENE in formats:
-        if len(formats) > 1 or check or out == STREAM:
-            raise click.UsageError(f"--format {_SCENE} goes with no other one, no --check and no stream")
         return _write_scene(parameters, motion_file, Job(parameters, out, ()).folder)
     if motion_file is not None:
         raise click.UsageError(f"--motion belongs to --format {_SCENE}")
+    if _ROS2 in formats:
+        return _write_ros2(parameters, out or Path("out/ros2"), prefix, force)
     whole = "all" in formats
     chosen = tuple(description.FORMATS) if whole else tuple(dict.fromkeys(formats))
     return _write_or_check(Job(parameters, out, chosen, force=force, skip_missing=whole), check)
@@ -98,6 +105,19 @@ def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path
         say(f"{left_out} of {len(motion)} samples are not valid, and left out")
     print_plain(console, f"wrote {save_glb(path, page_document(robot, result))}")
     return 0
+
+
+def _write_ros2(parameters: Path | None, folder: Path, prefix: str | None, force: bool) -> int:
+    """Write the machine as a package for ROS 2."""
+    from p3dof.cli.loop.export import write_package
+    from p3dof.codegen.ros2 import ros2_files
+    from p3dof.loops import load_robot
+
+    machine = machine_of(parameters).parameters
+    say_payloads(Console(), machine, parameters)
+    urdf, loops = description.texts(machine, ("urdf",)).values()
+    files = ros2_files(load_robot(urdf, loops), prefix, description=urdf)
+    return write_package((parameters,), folder, files, force)
 
 
 @dataclass(frozen=True)

@@ -87,15 +87,17 @@ class InputFolder(_Named):
 
 
 class OutputFile(_Named):
-    """A file to write, whose ending fits what is written."""
+    """A file to write, whose ending fits what is written; perhaps a folder, whose name has none."""
 
-    def __init__(self, kind: str, stream: bool = False) -> None:
-        self._kind, self._stream = kind, stream
+    def __init__(self, kind: str, stream: bool = False, folder: bool = False) -> None:
+        self._kind, self._stream, self._folder = kind, stream, folder
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
         if str(value) == "-" and self._stream:
             return _standard_output(param, ctx)
+        if self._folder and str(value) != "-" and not Path(value).suffix and str(value):
+            return Path(value)
         try:
             suffix = suffix_of(value, self._kind)
         except P3dofError as error:

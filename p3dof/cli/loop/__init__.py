@@ -13,7 +13,7 @@ COMMANDS = {
     },
     "See and export": {
         "show": ("p3dof.cli.loop.show", "Show a robot and its forces in the browser."),
-        "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF or glTF, with its loops."),
+        "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF, glTF or ROS package."),
         "codegen": ("p3dof.cli.loop.codegen", "Generate C99 code of the dynamics, loops included."),
     },
 }
