@@ -16,7 +16,10 @@ DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
 SOURCES := setup.py MANIFEST.in $(wildcard p3dof/_native/*.[ch] p3dof/_native/generated/*.h p3dof/_base/tracing/*.h p3dof/_base/integrators/*.h)
 DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium chromium-headless-shell nodejs $(if $(shell command -v npm),,npm) \
-	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib)
+	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib) cppcheck \
+	binutils-riscv64-linux-gnu libc6-dev-armhf-cross libc6-dev-riscv64-cross qemu-user
+# What Clang links programs of other processors with; the newest. Debian's own gcc for them excludes gcc-multilib.
+LIBGCC := for arch in armhf riscv64; do apt-cache pkgnames libgcc- | grep -E "^libgcc-[0-9]+-dev-$$arch-cross$$" | sort -V | tail -1; done
 MODULES := page/node_modules/.package-lock.json
 
 # Python keeps what it compiled, whatever the environment says: tests start hundreds of processes.
@@ -193,7 +196,7 @@ $(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 
 $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
-		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) >/dev/null || \
+		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) $$($(LIBGCC)) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
 	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
 		-e '.[adapters,cluster,dev,interop]'
