@@ -151,6 +151,7 @@ benchmarks: $(DEV) ## time all contenders, subject by subject, which takes long
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robots.py
 	$(BIN)/python tests/benchmarks/robots.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benchmarks/robot_runs.py
+	$(BIN)/python tests/benchmarks/real_time.py
 
 # Forty robots in plain files, docs/benchmark: what each engine that is installed reaches, in files and on the page.
 public-benchmark: $(DEV) ## hold every engine that is installed against the public benchmark
