@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -495,6 +496,32 @@ def test_names_are_those_of_ros_or_refused():
 
 def five_bar_text():
     return (GALLERY / "five_bar.urdf").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_motors_behind_no_linkage_of_the_coordinates_are_coordinates_too():
+    """And what the motors do not determine is named, as the floating base."""
+    text = (GALLERY / "leg.urdf").read_text(encoding="utf-8")
+    floating = pin.JointModelFreeFlyer()
+    leg = p3dof.load_robot(text, GALLERY / "leg.yaml", root_joint=floating)
+    files = ros2_files(leg, coordinates=["ankle_roll", "ankle_pitch"])
+    hips = "hip_yaw, hip_roll, hip_pitch, knee_motor"
+    assert f"Coordinates: ankle_roll, ankle_pitch, {hips}.\n" in files["README.md"]
+    assert f"Motors: left_motor, right_motor, {hips}." in files["README.md"]
+    assert "to be published by others: root_joint." in files["README.md"]
+    assert "root_joint" not in names_of(files)
+    assert len(names_of(files)) == 9 + 2 * 3
+
+
+@COMPILED
+@pytest.mark.slow
+def test_of_motors_that_depend_on_each_other_some_are_measured(tmp_path):
+    whole = gallery("two_arms")
+    measured = whole.actuated[:6]
+    with pytest.raises(ModelError, match="--actuators"):
+        ros2_files(whole)
+    robot = p3dof.ClosedLoopModel(whole.model, replace(whole.sidecar, actuated=measured))
+    compare(tmp_path, "two_arms", robot, ros2_files(whole, "two_arms_bot", actuators=measured))
 
 
 def test_motors_that_do_not_determine_the_joints_are_told():
