@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -106,8 +107,7 @@ def ros2_files(
     }
     rows = {"motor_names": motors, "coordinate_names": ends, "joint_names": every}
     cpp, python = (
-        {key: ", ".join(f"{quote}{one}{quote}" for one in row) for key, row in rows.items()}
-        for quote in ('"', "'")
+        {key: _listed(f"{quote}{one}{quote}" for one in row) for key, row in rows.items()} for quote in "\"'"
     )
     words = {**told, "joints": ", ".join(every)}
     words["separate"] = "" if ends == motors else fill("ros2_separate.in")
@@ -143,6 +143,11 @@ def write_ros2(files: dict[str, str], folder: str | os.PathLike[str], force: boo
         return None if other == own else f"belongs to the package {shown(other)}"
 
     return write_generated(files, folder, MARK, force, foreign)
+
+
+def _listed(words: Iterable[str]) -> str:
+    """Return words with commas, on lines that the linters of ROS let pass."""
+    return textwrap.fill(", ".join(words), 75, subsequent_indent=" " * 4, break_long_words=False)
 
 
 def _name_of(package: str) -> str:

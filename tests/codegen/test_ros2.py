@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -52,8 +53,8 @@ def package(name):
 
 def names_of(files):
     """The joints of the relay, in their order."""
-    (row,) = (line for line in files["scripts/relay.py"].splitlines() if line.startswith("JOINTS"))
-    return row.partition("[")[2].rstrip("]").replace("'", "").split(", ")
+    row = re.search(r"^JOINTS = \[(.*?)\]", files["scripts/relay.py"], re.M | re.S)[1]
+    return re.findall(r"'(\w+)'", row)
 
 
 def core(folder, files, name):
@@ -102,6 +103,9 @@ def test_all_joints_are_those_of_the_assembly(tmp_path, name):
 
 
 def compare(tmp_path, name, robot, files):
+    for file in ("scripts/relay.py", f"launch/{files['package.xml'].split('name>')[1][:-2]}.launch.py"):
+        compile(files[file], file, "exec")
+        assert max(map(len, files[file].splitlines())) <= 99  # what ament_flake8 allows
     prefix = name if name == "p3dof" else f"{name}_bot"
     c, row = core(tmp_path, files, prefix), ctypes.c_double
     made = robot.transmission(robot.actuated, robot.actuated, "numpy")
@@ -547,7 +551,7 @@ def test_a_package_is_written_whole_and_over_its_own_only(tmp_path, capsys):
     assert export("--coordinates", "rocker_joint", "--actuators", "crank_joint")[0] == 0
     relay = files["scripts/relay.py"]
     assert relay.read_bytes() != before["scripts/relay.py"]
-    assert "COORDINATES = ['rocker_joint']" in relay.read_text(encoding="utf-8")
+    assert "COORDINATES = [\n    'rocker_joint',\n]" in relay.read_text(encoding="utf-8")
     before = {name: path.read_bytes() for name, path in files.items()}
     for arguments, words in (
         (["--prefix", "other"], "belongs to the package 'four_bar'"),
