@@ -551,7 +551,9 @@ class TransmissionPrinter:
 
     def _call_row(self, name: str) -> Prototype:
         function = self._calls[name]
-        optional = {"velocity", "acceleration"} | ({"forces"} if "stiffness" in function.inputs else set())
+        optional = {"velocity", "acceleration", "gravity"} | (
+            {"forces"} if "stiffness" in function.inputs else set()
+        )
         words = {"v": "velocity", "a": "acceleration"}
         taken = [(words.get(one, one), size) for one, size in function.inputs.items() if one != "q"]
         given = tuple(Argument(one, shape=(size,), optional=one in optional) for one, size in taken)
@@ -574,6 +576,10 @@ class TransmissionPrinter:
         lines += ["memset(given, 0, sizeof given);", f"copy(given, state->q, {place}U);"]
         for one in row.inputs:
             copied = f"copy(&given[{place}], {one.name}, {one.size}U);"
+            if one.name == "gravity":
+                usual = ", ".join(map(repr, self.transmission.robot.model.gravity.linear.tolist()))
+                lines.append(f"copy(&given[{place}], usual, {one.size}U);")
+                lines.insert(0, f"static const double usual[{one.size}] = {{{usual}}};")
             lines += [f"if ({one.name} != NULL) {{", f"{INDENT}{copied}", "}"] if one.optional else [copied]
             place += one.size
         lines += leave(f"!all_finite(given, {place}U)", f"{P}_NOT_FINITE")

@@ -127,9 +127,12 @@ class _Moving(NamedTuple):
     a: list[Number]
 
 
-def _moving(build: Builder, robot: Robot, given: Sequence[int]) -> _Moving:
+def _moving(build: Builder, robot: Robot, given: Sequence[int], gravity: bool = False) -> _Moving:
     q = build.take("q", robot.tree.nq)
     v, a = (dict(zip(given, build.take(name, len(given)), strict=True)) for name in ("v", "a"))
+    if gravity:
+        x, y, z = build.take("gravity", 3)
+        robot = replace(robot, tree=replace(robot.tree, gravity=(x, y, z)))
     at = At(robot, build.tape, q)
     speeds, rates = ([values[place] for place in robot.independent] for values in (v, a))
     moving, all_v, all_a = solutions.completed_motion(at, speeds, rates, {})
@@ -204,9 +207,9 @@ def _congruent(J: Sequence[Sequence[Number]], entries: Sequence[Number]) -> list
 
 
 def _dynamics(robot: Robot, given: Sequence[int], _others: Sequence[int]) -> Function:
-    """Return inertia, and forces for a motion, in what is given."""
+    """Return inertia, and forces for a motion under a gravity, in what is given."""
     build = Builder()
-    at, needed, _, a = _moving(build, robot, given)
+    at, needed, _, a = _moving(build, robot, given, gravity=True)
     force, _ = at.projected(needed(a))
     order, size = sorted(given), range(len(given))
     lower = solutions.projected_mass(at, order, order)
@@ -613,7 +616,11 @@ class Transmission(Generic[LoopT]):
         return self._gains(self.joint, q, stiffness, damping, actuator_forces)
 
     def joint_dynamics(
-        self, q: ArrayLike, velocity: ArrayLike | None = None, acceleration: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> ReflectedDynamics:
         """Return inertia of the whole, and forces for a motion, in the coordinates.
 
@@ -623,22 +630,30 @@ class Transmission(Generic[LoopT]):
             Configurations.
         velocity, acceleration : (n,) or (N, n) array, optional
             Of the coordinates; at rest by default.
+        gravity : (3,) or (N, 3) array, optional
+            Less the acceleration of what carries the linkage, in axes that turn with it and are those of the
+            world in the reference configuration [m/s²]: what an accelerometer there measures, with the other
+            sign. That of the robot by default.
 
         Raises
         ------
         InputError, SingularityError
             As `joint_forces`.
         """
-        return self._dynamics(self.joint, q, velocity, acceleration)
+        return self._dynamics(self.joint, q, velocity, acceleration, gravity)
 
     def actuator_dynamics(
-        self, q: ArrayLike, velocity: ArrayLike | None = None, acceleration: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> ReflectedDynamics:
         """Return inertia of the whole, and forces for a motion, in the actuators: their inverse dynamics.
 
         Parameters
         ----------
-        q, velocity, acceleration
+        q, velocity, acceleration, gravity
             As of `joint_dynamics`, of the actuators.
 
         Raises
@@ -646,10 +661,14 @@ class Transmission(Generic[LoopT]):
         InputError, SingularityError
             As `actuator_forces`.
         """
-        return self._dynamics(self.actuator, q, velocity, acceleration)
+        return self._dynamics(self.actuator, q, velocity, acceleration, gravity)
 
     def linkage_dynamics(
-        self, q: ArrayLike, velocity: ArrayLike | None = None, acceleration: ArrayLike | None = None
+        self,
+        q: ArrayLike,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
     ) -> ReflectedDynamics:
         """Return what a model of the coordinates' own joints and bodies lacks: cranks, rods and rotors.
 
@@ -658,7 +677,7 @@ class Transmission(Generic[LoopT]):
 
         Parameters
         ----------
-        q, velocity, acceleration
+        q, velocity, acceleration, gravity
             As of `joint_dynamics`.
 
         Raises
@@ -666,14 +685,13 @@ class Transmission(Generic[LoopT]):
         InputError, SingularityError
             As `joint_forces`.
         """
-        return self._dynamics(self.bare, q, velocity, acceleration)
+        return self._dynamics(self.bare, q, velocity, acceleration, gravity)
 
-    def _dynamics(
-        self, side: Side, q: ArrayLike, velocity: ArrayLike | None, acceleration: ArrayLike | None
-    ) -> ReflectedDynamics:
-        n = len(side.names)
-        v, a = (np.zeros(n) if x is None else x for x in (velocity, acceleration))
-        inertia, forces = (self._at(side, "dynamics", q, v=v, a=a)[name] for name in ("inertia", "forces"))
+    def _dynamics(self, side: Side, q: ArrayLike, *given: ArrayLike | None) -> ReflectedDynamics:
+        n, usual = len(side.names), self.robot.model.gravity.linear
+        v, a, g = ((np.zeros(n) if i < 2 else usual) if x is None else x for i, x in enumerate(given))
+        found = self._at(side, "dynamics", q, v=v, a=a, gravity=g)
+        inertia, forces = found["inertia"], found["forces"]
         return ReflectedDynamics(inertia.reshape(*inertia.shape[:-1], n, n), forces)
 
     def force_limits(self, q: ArrayLike) -> ForceLimits:
@@ -715,7 +733,8 @@ class Transmission(Generic[LoopT]):
             What is given.
         name : {"close", "motion", "forces", "gains", "dynamics"}
             ``close`` takes q (..., nq) and returns it one step of Newton's method nearer; ``motion`` and
-            ``dynamics`` take q, velocity and acceleration (..., n) of what is given; ``forces``: q and forces
+            ``dynamics`` take q, velocity and acceleration (..., n) of what is given, the latter
+            also gravity (..., 3); ``forces``: q and forces
             of the other side; ``gains``: q, its stiffness and damping by rows (..., n²), and its forces.
             Outputs are by name, matrices by rows.
         namespace : module

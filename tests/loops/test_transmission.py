@@ -518,6 +518,40 @@ def test_without_a_compiler_the_numbers_are_the_same(made):
         other.bind()
 
 
+def test_a_trunk_that_tilts_and_accelerates_is_another_gravity(made):
+    """What the motors bear there is what Newton and Euler say of the whole robot on a free base."""
+    one, leg = made("ankle"), gallery("leg")
+    free = p3dof.load_robot(GALLERY / "leg.urdf", root_joint=pin.JointModelFreeFlyer())
+    model, home, linkage = free.model, leg.regular_configuration, one.robot.model
+    rng, still = np.random.default_rng(3), np.zeros(2)
+    for x in motions(one, 3)[0]:
+        q = one.joint_to_actuator(x).q
+        R, push = pin.exp3(rng.normal(size=3)), rng.normal(size=3)
+        whole, a = pin.neutral(model), np.zeros(model.nv)
+        whole[:7] = pin.SE3ToXYZQUAT(pin.SE3(R, rng.normal(size=3)))
+        for source, values in ((leg.model, home), (linkage, q)):
+            for name in list(source.names)[1:]:
+                there, here = model.joints[model.getJointId(name)], source.joints[source.getJointId(name)]
+                whole[there.idx_q : there.idx_q + there.nq] = values[here.idx_q : here.idx_q + here.nq]
+        a[:3] = R.T @ push
+        needed = pin.rnea(model, model.createData(), whole, np.zeros(model.nv), a)
+        J = one.robot.closure_jacobian(q)
+        N = np.linalg.svd(J)[2][one.robot.rank(q) :].T
+        N = N @ np.linalg.pinv(N[places(one, one.actuators)])
+        at = [
+            k
+            for name in list(linkage.names)[1:]
+            for k in range(model.nv)
+            if 0 <= k - model.joints[model.getJointId(name)].idx_v < model.joints[model.getJointId(name)].nv
+        ]
+        gravity = R.T @ (model.gravity.linear - push)
+        found = one.actuator_dynamics(q, still, still, gravity)
+        assert_allclose(found.forces, N.T @ needed[at], rtol=0, atol=1e-11 * np.abs(needed[at]).max())
+        assert np.abs(found.forces - one.actuator_dynamics(q).forces).max() > 0.005
+    many = one.actuator_dynamics(np.tile(q, (3, 1)), gravity=np.array([gravity, gravity, [0, 0, -9.81]]))
+    assert_allclose(many.forces[:2], np.tile(found.forces, (2, 1)), rtol=0, atol=1e-12)
+
+
 def test_many_positions_are_the_same_on_any_number_of_threads(made, monkeypatch):
     """Near each other, far apart, and out of reach in between: to the last bit, and as those of NumPy."""
     one, rng = made("ankle"), np.random.default_rng(1)
