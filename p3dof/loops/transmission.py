@@ -819,6 +819,9 @@ class Transmission(Generic[LoopT]):
                 call(block.stop - block.start, start.ctypes.data, begin.ctypes.data, *places)
 
         in_threads(run, shares(len(blocks), thread_count(None)))
+        rest = np.flatnonzero(~good)  # out of reach, or farther than C goes at a time
+        if len(rest):
+            q[rest], good[rest] = side.settle(start, values[rest])
         return Settled(q, good)
 
     def _mapped(

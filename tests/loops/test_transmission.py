@@ -197,6 +197,8 @@ def test_a_differential_wrist_is_that_of_its_gears():
     assert_allclose(one.actuator_forces(found.q, v), v @ G / 2, rtol=0, atol=1e-14)
     K = np.diag([3.0, 5.0])
     assert_allclose(one.actuator_gains(found.q[0], K)[0], G @ K @ G / 4, rtol=0, atol=1e-14)
+    far = np.array([[9.0, -2.0], [-9.0, 1.0]])  # rad: turns of a motor
+    assert_allclose(one.joint_to_actuator(far).position, far @ G, rtol=0, atol=1e-14)
 
 
 @each_case
