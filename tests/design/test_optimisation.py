@@ -54,6 +54,18 @@ def test_gradients_of_all_measures_are_those_of_differences(design: list[float])
         )
 
 
+def test_a_search_starts_at_the_machine_as_it_is() -> None:
+    """Its lengths and masses, the motion where it is, nothing carried; of solids their sizes, and steel."""
+    bounds, lengths = (1e-3, 0.5), p3dof.PAPER.geometry
+    names = ("offset.y", "offset.theta", "platform.mass", "L", "payload.mass")
+    problem = DesignProblem(dict.fromkeys(names, bounds), objectives=["moving_mass"])
+    assert problem.start.tolist() == [0.0, 0.0, p3dof.PAPER.bodies.platform.mass, lengths.L, 0.0]
+    names = ("rod_radius", "density")
+    solids = DesignProblem(dict.fromkeys(names, bounds), objectives=["moving_mass"], bodies="solids")
+    radius = p3dof.machine.parameters.Dimensions.scaled(lengths).rod_radius
+    assert solids.start.tolist() == [radius, p3dof.machine.parameters.STEEL_DENSITY]
+
+
 def test_gradients_by_the_place_of_the_motion_and_by_masses_are_those_of_differences() -> None:
     variables = {"offset.y": (-0.05, 0.05), "offset.theta": (-0.2, 0.2), "platform.mass": (4, 12)}
     problem = DesignProblem(variables, objectives=["peak_force", "rms_power", "stroke_margin", "moving_mass"])

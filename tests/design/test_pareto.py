@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,6 +30,16 @@ def by_epsilon() -> Front:
 def by_nsga() -> Front:
     pytest.importorskip("pymoo")
     return paper_problem().pareto(PEAK_AND_WIDTH, method="nsga2", population=60, generations=40, points=31)
+
+
+def test_designs_that_agree_to_nine_digits_are_one_of_a_front() -> None:
+    """Of different starts: what differs in the tenth digit is rounding, and in the eighth another design."""
+    small = SimpleNamespace(better="small")
+    for apart, count in ((3e-10, 1), (3e-8, 2)):
+        costs = np.array([[0.5, 1.0], [0.5 + apart, 1.0 - apart], [0.6, 1.1]])  # the last one is dominated
+        found = SimpleNamespace(objectives=costs, feasible=np.ones(3, dtype=bool))
+        problem = SimpleNamespace(objectives=[small, small], evaluate=lambda _, found=found: found)
+        assert len(efficient(problem, np.arange(3.0)[:, None])) == count
 
 
 def test_fronts_lie_on_the_published_optima(by_epsilon: Front) -> None:
