@@ -357,7 +357,7 @@ _MAPS = {
 _RATES = ("position", "velocity", "acceleration")
 
 
-class _OnGpu(NamedTuple):
+class _CudaFunction(NamedTuple):
     """A function in CUDA C++, with the sizes of what it takes and gives by name."""
 
     name: str
@@ -417,21 +417,21 @@ class TransmissionPrinter:
     def _rounding(self) -> float:
         return 32.0 * self._precision.epsilon if self._precision is SINGLE else 0.0
 
-    def _core(self, side: str, **statuses: str) -> str:
+    def _reaching(self, side: str, **statuses: str) -> str:
         text = mapping_text(self.transmission, side, self._rounding)
         return core_of("transmission.in", **text, **statuses, compute="compute_", one="")
 
-    def cuda(self) -> tuple[str, list[_OnGpu]]:
+    def cuda(self) -> tuple[str, list[_CudaFunction]]:
         """Return what maps positions on a GPU, and rows of its functions."""
-        n, nq, texts, rows = self._n, self._nq, list[str](), list[_OnGpu]()
-        texts += [self._core(side, unreached="1", singular="2") for side in _MAPS]
+        n, nq, rows = self._n, self._nq, list[_CudaFunction]()
+        texts = [self._reaching(side, unreached="1", singular="2") for side in _MAPS]
         for side, other in _OTHER.items():
             outputs = {"status": 1, "q_out": nq, "position_out": n, **self._steps[f"{side}_motion"].outputs}
             inputs = {"q": nq, "position_before": n, **dict.fromkeys(_RATES, n)}
             results = str(len(self._steps[f"{side}_motion"].results))
             more = {"nq": str(nq), "n": str(n), "results": results}
             texts.append(fill("loop_cuda_map.in", side=side, other=other, **more))
-            rows.append(_OnGpu(f"{side}_to_{other}", inputs, outputs))
+            rows.append(_CudaFunction(f"{side}_to_{other}", inputs, outputs))
         return "\n".join(texts), rows
 
     def definitions(self) -> str:
@@ -439,7 +439,7 @@ class TransmissionPrinter:
         step = self._steps["joint_motion"]
         shared = {**self._shared, "results": str(len(step.results))}
         statuses = {"unreached": f"{self._P}_UNREACHED", "singular": f"{self._P}_SINGULAR"}
-        maps = [self._core(side, **statuses) for side in _MAPS]
+        maps = [self._reaching(side, **statuses) for side in _MAPS]
         maps += [
             fill("loop_map.in", **shared, head=self._map_head(side), side=side, other=other)
             for side, other in _OTHER.items()
@@ -551,9 +551,7 @@ class TransmissionPrinter:
 
     def _call_row(self, name: str) -> Prototype:
         function = self._calls[name]
-        optional = {"velocity", "acceleration", "gravity"} | (
-            {"forces"} if "stiffness" in function.inputs else set()
-        )
+        optional = {"velocity", "acceleration", "gravity", *["forces"] * ("stiffness" in function.inputs)}
         words = {"v": "velocity", "a": "acceleration"}
         taken = [(words.get(one, one), size) for one, size in function.inputs.items() if one != "q"]
         given = tuple(Argument(one, shape=(size,), optional=one in optional) for one, size in taken)
@@ -577,10 +575,11 @@ class TransmissionPrinter:
         for one in row.inputs:
             copied = f"copy(&given[{place}], {one.name}, {one.size}U);"
             if one.name == "gravity":
-                usual = ", ".join(map(repr, self.transmission.robot.model.gravity.linear.tolist()))
-                lines.append(f"copy(&given[{place}], usual, {one.size}U);")
-                lines.insert(0, f"static const double usual[{one.size}] = {{{usual}}};")
-            lines += [f"if ({one.name} != NULL) {{", f"{INDENT}{copied}", "}"] if one.optional else [copied]
+                lines += _or_usual(place, one.name, self.transmission.robot.model.gravity.linear)
+            elif one.optional:
+                lines += [f"if ({one.name} != NULL) {{", f"{INDENT}{copied}", "}"]
+            else:
+                lines.append(copied)
             place += one.size
         lines += leave(f"!all_finite(given, {place}U)", f"{P}_NOT_FINITE")
         lines.append(f"compute_{name}(given, found);")
@@ -673,7 +672,7 @@ class LoopPrinter:
         """Return the functions for a GPU."""
         printed = [*self.functions, *(self.maps.functions if self.maps is not None else ())]
         code = "\n\n".join(_computation(function) for function in printed)
-        rows = [_OnGpu(one.name, one.inputs, one.outputs) for one in printed]
+        rows = [_CudaFunction(one.name, one.inputs, one.outputs) for one in printed]
         if self.maps is not None:
             text, maps = self.maps.cuda()
             code, rows = f"{code}\n\n{text}", [*rows, *maps]
@@ -715,7 +714,7 @@ class LoopPrinter:
             )
             rows.append(f"| `{self.prefix}_start`, `{self.prefix}_follow` | | {text} |")
         if self.observes:
-            text = "Forces that nobody told of, as of a contact, from the motion and the motors' forces."
+            text = "External forces, as of a contact, from the motion and the motors' forces."
             rows.append(f"| `{self.prefix}_observer_start`, `{self.prefix}_observe` | | {text} |")
         if self.maps is not None:
             rows += self.maps.rows()
@@ -793,23 +792,20 @@ class LoopPrinter:
             place += count
         return definition(self._head(row), [*lines, f"return {P}_OK;"])
 
+    def _loads(self, function: Function) -> str:
+        lines = self._given(function, sum(list(function.inputs.values())[:3]))  # behind the motion
+        return "".join(f"\n{INDENT}{line}" for line in lines)
+
     def _given(self, function: Function, start: int) -> list[str]:
         """Return the statements that gather inputs from a place on; those that are missing have defaults."""
         lines, place = [], 0
         for group, count in function.inputs.items():
             name = _identifier(group)
             if place >= start and count:
-                where = f"&given[{place}]"
                 if _optional(name):
-                    default = ", ".join(repr(float(x)) for x in self.compiled.defaults[group])
-                    lines += [
-                        "{",
-                        f"{INDENT}static const double usual[] = {{{default}}};",
-                        f"{INDENT}copy({where}, ({name} != NULL) ? {name} : usual, {count}U);",
-                        "}",
-                    ]
+                    lines += _or_usual(place, name, self.compiled.defaults[group])
                 else:
-                    lines.append(f"copy({where}, {name}, {count}U);")
+                    lines.append(f"copy(&given[{place}], {name}, {count}U);")
             place += count
         return lines
 
@@ -830,7 +826,6 @@ class LoopPrinter:
         motion, step = self._function("motion"), self._function("step")
         places = self.compiled.follow_places()
         needed = ["state", *self._follow_row.needed]
-        loads = self._given(motion, sum(list(motion.inputs.values())[:3]))
         return fill(
             "loop_follow.in",
             **self._shared,
@@ -847,7 +842,7 @@ class LoopPrinter:
             places=", ".join(str(place) for place, _, _ in places),
             circles=", ".join(str(int(circle)) for _, circle, _ in places),
             order=", ".join(str(motor) for _, _, motor in places),
-            loads="".join(f"\n{INDENT}{line}" for line in loads),
+            loads=self._loads(motion),
         )
 
     @cached_property
@@ -884,9 +879,7 @@ class LoopPrinter:
             results=str(len(momentum.results)),
             closed=repr(momentum.closed),
             least=repr(momentum.least_margin),
-            loads="".join(
-                f"\n{INDENT}{line}" for line in self._given(momentum, sum(list(momentum.inputs.values())[:3]))
-            ),
+            loads=self._loads(momentum),
         )
 
     def _function(self, name: str) -> Function:
@@ -894,11 +887,11 @@ class LoopPrinter:
 
 
 _OPTIONAL = "Wrenches, other forces and inertias may be NULL: none, and those that the robot has."
-_OBSERVE = """What acts along the independent coordinates beside model and motors: a contact, a payload.
+_OBSERVE = """External forces along the independent coordinates, as of a contact or an unknown payload.
  *
- *  dt [s] after the last sample, 0 to begin anew; bandwidth [Hz] of the lag of first order behind which it
- *  is seen; tau: of the motors since the last sample. share: largest of it in its threshold, above 1 in
- *  contact; 0 where threshold is NULL."""
+ *  dt [s] after the last sample, 0 to begin anew; bandwidth [Hz] of the lag of first order behind which they
+ *  are seen; tau: of the motors since the last sample. share: largest of them in its threshold, above 1
+ *  in contact; 0 where threshold, which is positive, is NULL."""
 _FOLLOW = "Forces of the motors for their values and rates, dt [s] after the last call; 0 the first time."
 
 
@@ -916,6 +909,16 @@ def _comment(words: str, function: Function) -> str:
     """Return what a function is for, in a comment."""
     more = [_OPTIONAL] if any(map(_optional, function.inputs)) else []
     return "\n".join([f"/** {words}", *(f" *  {line}" for line in more)]) + " */"
+
+
+def _or_usual(place: int, name: str, usual: FloatArray) -> list[str]:
+    """Return statements that gather an input, or what it is where it is NULL."""
+    return [
+        "{",
+        f"{INDENT}static const double usual[] = {{{', '.join(repr(float(x)) for x in usual)}}};",
+        f"{INDENT}copy(&given[{place}], ({name} != NULL) ? {name} : usual, {len(usual)}U);",
+        "}",
+    ]
 
 
 def _optional(name: str) -> bool:
@@ -992,6 +995,8 @@ def loop_files(
     kind = DOUBLE if precision == "double" else precision_of(precision)
     if kind is SINGLE and (transmission is None or functions is not None or observer):
         raise InputError("float: single precision is for --coordinates alone, without other functions")
+    if kind is SINGLE and cuda:
+        raise InputError("float: CUDA C++ computes with doubles, leave out --cuda")
     if transmission is None and actuators is not None:
         raise InputError("actuators: expected coordinates, too, whose actuators they are")
     compiled = robot.compile(external=external, joint_forces=joint_forces, inertias=inertias, level="numpy")
@@ -1008,8 +1013,6 @@ def loop_files(
         ),
     }
     if cuda:
-        if kind is SINGLE:
-            raise InputError("float: CUDA C++ computes with doubles, leave out --cuda")
         c[f"{name}_cuda.cu"] = printer.cuda()
     texts = with_build(c, note, name, cpu) | {"README.md": printer.readme()}
     every = [*chosen, *(printer.maps.functions if printer.maps is not None else ())]

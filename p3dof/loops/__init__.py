@@ -22,7 +22,7 @@ Where to look, from what a user has to what is computed:
   and files. Behind them stand a robot in one unit of length (`closed_tree`), the modules above, and
   `compiled.kept` (``method="compiled"``); `units` serves robots much smaller or larger than a
   metre, and is the only place where numbers change their unit;
-- from joints to the actuators behind linkages: `transmission`; forces that nobody told of: `observer`;
+- from joints to the actuators behind linkages: `transmission`; external forces from theirs: `observer`;
 - many samples: `batch`; in C: `compiled`, with the simulations that `p3dof.runs` makes.
 """
 

@@ -1,4 +1,4 @@
-"""Momentum observer: forces that nobody told of, from the motors' forces and the motion alone.
+"""Momentum observer: external forces, from the motors' forces and the motion alone.
 
 With the generalised momentum p = Nᵀ M v in independent coordinates, rotors and linkages included,
 
@@ -28,7 +28,7 @@ from p3dof._base.checks import FloatArray, frozen_array, not_negative, positive,
 from p3dof._base.errors import AssemblyError, InputError, ModelError, SingularityError
 from p3dof.loops.closed_tree import External
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
-from p3dof.loops.compiled.following import CONVERGING, Settler
+from p3dof.loops.compiled.following import CONVERGING, LARGEST_CORRECTION, Settler
 from p3dof.loops.compiled.function import BoundFunction
 from p3dof.loops.compiled.kept import require_fit
 from p3dof.loops.linear import RANK_TOLERANCE, Decomposition
@@ -90,8 +90,8 @@ class MomentumObserver:
         self._loop, self._compiled = loop, CompiledLoop(loop) if compiled is None else compiled
         self.coordinates = self._compiled.independent
         self._threshold = None if threshold is None else self._limits(threshold)
-        self._free, self._bound = (list(self._compiled.independent_places), self._compiled.bind("momentum"))
-        self._function = self._compiled.function("momentum")
+        self._free = list(self._compiled.independent_places)
+        self._bound, self._function = self._compiled.bind("momentum"), self._compiled.function("momentum")
         self.start()
 
     def __repr__(self) -> str:
@@ -169,7 +169,13 @@ class MomentumObserver:
         return self.external
 
     def update_from_motors(
-        self, dt: float, position: ArrayLike, velocity: ArrayLike, forces: ArrayLike
+        self,
+        dt: float,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        forces: ArrayLike,
+        external: External | None = None,
+        inertias: Mapping[str, ArrayLike] | None = None,
     ) -> FloatArray:
         """Return the estimate after one more sample of what the motors tell (n,) [N or N m].
 
@@ -181,7 +187,7 @@ class MomentumObserver:
             As of `update`.
         position, velocity : (n_actuated,) array
             Of the actuated joints [m or rad, and per second].
-        forces : (n_actuated,) array
+        forces, external, inertias
             As of `update`.
 
         Raises
@@ -195,12 +201,11 @@ class MomentumObserver:
         """
         if not self._compiled.determined:
             raise ModelError("observer: the actuated joints do not determine the motion; update takes q, v")
-        count = len(self._loop.actuated)
-        values = frozen_array("position", position, (count,))
-        speeds = frozen_array("velocity", velocity, (count,))
-        q, v = self._closed(values), np.zeros(self._loop.model.nv)
-        v[self._free] = speeds[self._settle.order]
-        return self.update(dt, q, v, forces)
+        count = (len(self._loop.actuated),)
+        speeds, v = frozen_array("velocity", velocity, count), np.zeros(self._loop.model.nv)
+        q = self._closed(frozen_array("position", position, count))
+        v[self._free] = speeds[self._closing[0].order]
+        return self.update(dt, q, v, forces, external, inertias)
 
     def record(
         self,
@@ -245,8 +250,8 @@ class MomentumObserver:
         if bad.any():
             i = int(np.argmax(bad))
             self._refuse(found["gap"][i, 0], found["margin"][i, 0], f" at sample {i}")
-        given_forces = found["actuation"]
-        acting = given_forces[:-1] if held else (given_forces[1:] + given_forces[:-1]) / 2
+        actuation = found["actuation"]
+        acting = actuation[:-1] if held else (actuation[1:] + actuation[:-1]) / 2
         steps = np.diff(time)
         seen = np.diff(found["momentum"], axis=0) / steps[:, None]
         seen -= (found["rate"][1:] + found["rate"][:-1]) / 2 + acting
@@ -297,7 +302,7 @@ class MomentumObserver:
 
     def _closed(self, values: FloatArray) -> FloatArray:
         """Return the configuration at positions of the motors: near the last one by Newton's method alone."""
-        settle, step = self._settle, self._step
+        settle, step = self._closing
         start = self._loop.regular_configuration if self._last is None else self._last.q
         q, wanted = np.array(start)[None], values[settle.order][None]
         if np.abs(wanted - settle.values(q)).max(initial=0.0) < _NEAR * self._compiled.length:
@@ -309,6 +314,8 @@ class MomentumObserver:
                 q[0] = step.outputs["q"]
                 if size <= CONVERGING:
                     return np.asarray(q[0])
+                if size > LARGEST_CORRECTION:
+                    break
         there = settle(start, values[None])
         if not there.good[0]:
             told = ", ".join(f"{name}={x:.4g}" for name, x in zip(self._loop.actuated, values, strict=True))
@@ -316,12 +323,8 @@ class MomentumObserver:
         return np.asarray(there.q[0])
 
     @cached_property
-    def _step(self) -> BoundFunction:
-        return self._compiled.bind("step")
-
-    @cached_property
-    def _settle(self) -> Settler:
-        return Settler(self._compiled)
+    def _closing(self) -> tuple[Settler, BoundFunction]:
+        return Settler(self._compiled), self._compiled.bind("step")
 
     def _lagged(self, last: FloatArray, seen: FloatArray, dt: float) -> FloatArray:
         gain = 2.0 * np.pi * self.bandwidth * dt

@@ -260,6 +260,8 @@ def test_an_observer_says_what_that_of_python_says(written):
     before = bytes(state), external.copy(), share.copy()
     for dt, now in ((-1.0, q), (np.nan, q), (np.inf, q), (1e-3, np.full(len(q), np.nan))):
         assert call(dt, now, v, tau) == 2
+    for wrong in (-1.0, 0.0, np.nan):
+        assert call(1e-3, q, v, tau, np.array([1.0, wrong, 3.0, 4.0, 5.0, 6.0])) == 2
     assert call(1e-3, q + 0.1, v, tau) in (4, 5)  # open, or a quaternion that is none
     assert c.stewart_observe(None, *rate, *rate, *[None] * 10) == 1
     assert (bytes(state), *external, *share) == (before[0], *before[1], *before[2])

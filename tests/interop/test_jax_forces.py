@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from closed_loop_robots import differences
+from forces_of_motors import ROBOTS, exact, motions
 from gallery import gallery
 from numpy.testing import assert_allclose
 
@@ -12,8 +13,6 @@ jax = pytest.importorskip("jax", reason="jax not installed: pip install 'p3dof[j
 
 import jax.numpy as jnp  # noqa: E402
 from jax_forces import inverse_dynamics  # noqa: E402
-
-ROBOTS = {"five-bar": lambda: gallery("five_bar"), "paper": lambda: p3dof.load().loop}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -25,18 +24,8 @@ def double():
 @pytest.fixture(scope="module", params=ROBOTS)
 def case(request):
     """Return the function, its robot, and samples of motions."""
-    robot, rng = ROBOTS[request.param](), np.random.default_rng(0)
-    home, n = robot.assemble().q[robot.actuated_v], len(robot.actuated)
-    parts = (home + 0.03 * rng.normal(size=(7, n)), 0.5 * rng.normal(size=(7, n)), rng.normal(size=(7, n)))
-    return inverse_dynamics(robot), robot, np.hstack(parts)
-
-
-def exact(robot, x):
-    """Return forces and their Jacobian by the robot's own, uncompiled method."""
-    state = robot.complete(*np.split(x, 3))
-    by = robot.inverse_dynamics_derivatives(state.q, state.v, state.a)
-    parts = (by.tau.by_coordinates, by.tau.by_speeds, by.tau.by_accelerations)
-    return by.dynamics.tau, np.hstack(parts)
+    robot = ROBOTS[request.param]()
+    return inverse_dynamics(robot), robot, motions(robot, 7)
 
 
 def test_values_and_both_jacobians_are_the_robots(case):

@@ -1,7 +1,5 @@
 """MJX and MuJoCo Warp read the MJCF of any robot; `docs/examples/robot_in_mjx.py` and `robot_in_warp.py`."""
 
-import os
-
 import numpy as np
 import pytest
 from closed_loop_robots import differences
@@ -21,18 +19,7 @@ FAST = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes"
 SINGLE = 2e-6  # single precision, over a dozen bodies; of the largest force
 
 
-@pytest.fixture(scope="module", autouse=True)
-def warp_cache(tmp_path_factory):
-    """Kernels are compiled into a folder that the workers of this run share, for a processor."""
-    import warp as wp
-
-    base = tmp_path_factory.getbasetemp()
-    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    before = wp.config.kernel_cache_dir
-    wp.config.kernel_cache_dir = str(base / "warp")
-    with wp.ScopedDevice("cpu"):
-        yield
-    wp.config.kernel_cache_dir = before
+pytestmark = pytest.mark.usefixtures("warp_cache")
 
 
 def motions(loop, count=3, seed=0):

@@ -1,6 +1,5 @@
 """Newton: `builder.add_urdf("urdf/p3dof.urdf")`, or with its loops `builder.add_usd("urdf/p3dof.usda")`."""
 
-import os
 from functools import cache
 
 import numpy as np
@@ -28,15 +27,7 @@ BODIES = {"urdf": list(LINKS), "usda": [name for name in LINKS if name not in ME
 SINGLE = 2e-7  # single precision, relative
 
 
-@pytest.fixture(scope="module", autouse=True)
-def warp_cache(tmp_path_factory):
-    """Kernels are compiled into a folder that the workers of this run share."""
-    base = tmp_path_factory.getbasetemp()
-    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    before = wp.config.kernel_cache_dir
-    wp.config.kernel_cache_dir = str(base / "warp")
-    yield
-    wp.config.kernel_cache_dir = before
+pytestmark = pytest.mark.usefixtures("warp_cache")
 
 
 @cache

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from forces_of_motors import ROBOTS, exact, motions
 from gallery import gallery
 from numpy.testing import assert_allclose
-
-import p3dof
 
 torch = pytest.importorskip("torch", reason="torch not installed: pip install 'p3dof[torch]'")
 
@@ -14,24 +13,12 @@ from torch_forces import inverse_dynamics  # noqa: E402
 # What torch does of its own when it first differentiates forward.
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
-ROBOTS = {"five-bar": lambda: gallery("five_bar"), "paper": lambda: p3dof.load().loop}
-
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def case(request):
     """Return the function, its robot, and samples of motions."""
-    robot, rng = ROBOTS[request.param](), np.random.default_rng(0)
-    home, n = robot.assemble().q[robot.actuated_v], len(robot.actuated)
-    parts = (home + 0.03 * rng.normal(size=(4, n)), 0.5 * rng.normal(size=(4, n)), rng.normal(size=(4, n)))
-    return inverse_dynamics(robot), robot, torch.tensor(np.hstack(parts))
-
-
-def exact(robot, x):
-    """Return forces and their Jacobian by the robot's own, uncompiled method."""
-    state = robot.complete(*np.split(x, 3))
-    by = robot.inverse_dynamics_derivatives(state.q, state.v, state.a)
-    parts = (by.tau.by_coordinates, by.tau.by_speeds, by.tau.by_accelerations)
-    return by.dynamics.tau, np.hstack(parts)
+    robot = ROBOTS[request.param]()
+    return inverse_dynamics(robot), robot, torch.tensor(motions(robot, 4))
 
 
 def test_values_and_jacobians_are_the_robots(case):

@@ -204,6 +204,11 @@ def test_known_loads_are_no_contact():
         for dt in (0.0, 10.0):  # nothing of the lag is left: 2π 100 periods
             observer.update(dt, q, rest, tau, *known)
         assert (np.abs(observer.external).max() < 1e-9) == (known[0] is not None)
+    observer.start()
+    legs = q[[2, 5, 8, 11, 14, 17]]
+    for dt in (0.0, 10.0):
+        observer.update_from_motors(dt, legs, np.zeros(6), tau, wrench, given)
+    assert np.abs(observer.external).max() < 1e-9
     assert_allclose(
         observer.record([0.0, 1.0], [q, q], [rest, rest], [tau, tau], wrench, given), 0.0, rtol=0, atol=1e-9
     )

@@ -209,9 +209,9 @@ def tangent_of_forces(robot: Robot) -> Function:
 
 
 def momentum(robot: Robot) -> Function:
-    """Return the generalised momentum Nᵀ M v, its rate without motors, and the forces of those.
+    """Return the generalised momentum p = Nᵀ M v, its rate without the motors, and their forces.
 
-    The rate is what a force that nobody told of is missing in: d(Nᵀ M v)/dt = rate + actuation + that force.
+    External forces that are no input are left: dp/dt = rate + actuation + external.
     """
     build = Builder()
     free = robot.independent
