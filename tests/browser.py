@@ -86,7 +86,9 @@ class Watched:
 
     def places(self, paths: list[str]) -> np.ndarray:
         """Those of several at one instant, (len(paths), 4, 4)."""
-        return np.reshape(self.page.evaluate("paths => paths.map(placeOf)", paths), (-1, 4, 4))
+        found = self.page.evaluate("paths => paths.map(placeOf)", paths)
+        assert all(found), "not all are in the page"
+        return np.reshape(found, (-1, 4, 4))
 
     def tips(self) -> np.ndarray:
         """Where the tips of the arrows are in the picture, that of the legend too, (4, 2)."""
@@ -118,6 +120,19 @@ def until(page: Any, condition: Callable[[], object], seconds: float = 60.0) -> 
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never came to that"
+        page.wait_for_timeout(50)
+
+
+def eventually(page: Any, check: Callable[..., object], *arguments: Any, seconds: float = 60.0) -> None:
+    """Wait until a check of what a live page shows passes: its messages come one after another."""
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            check(*arguments)
+            return
+        except AssertionError:
+            if time.monotonic() > end:
+                raise
         page.wait_for_timeout(50)
 
 

@@ -15,7 +15,7 @@ import threading
 import numpy as np
 import pinocchio as pin
 import pytest
-from browser import find_chromium, opened, until
+from browser import eventually, find_chromium, opened, until
 from closed_loop_robots import FOUR_BAR, FOUR_BAR_SIDECAR, four_bar, four_bar_q
 from documents import ROOT
 
@@ -84,6 +84,11 @@ def check_arrows(page, scale, result, i):
         np.testing.assert_allclose(tip, [0, 0, scale.metres * force / scale.newtons], rtol=0, atol=1e-6)
 
 
+def check_platform(page, robot, pose):
+    expected = pose[:2] - [0, robot.parameters.geometry.h]
+    np.testing.assert_allclose(page.place("meshcat/platform")[1:3, 3], expected, rtol=0, atol=1e-6)
+
+
 def seek(page, time):
     page.page.evaluate(
         "time => { viewer.animator.pause(); viewer.animator.seek(time); viewer.render(); }", time
@@ -114,21 +119,9 @@ def test_a_live_page_shows_the_instants_of_a_motion(browser, robot, result):
         for i in (20, 90):
             player.draw(result.time[i])
             expected = bodies(visualizer, result.joints.q[i])
-            name = "meshcat/p3dof/visuals/platform_0"
-            page.wait(
-                """([name, place]) => {
-                    const now = placeOf(name);
-                    return now && place.every((x, k) => Math.abs(x - now[k]) < 1e-6);
-                }""",
-                [name, expected[name].ravel().tolist()],
-            )
-            check_bodies(page, expected)
-            np.testing.assert_allclose(
-                page.place("meshcat/platform")[1:3, 3],
-                result.motion.pose[i, :2] - [0, robot.parameters.geometry.h],
-                atol=1e-6,
-            )
-            check_arrows(page, visualizer.scene.scale, result, i)
+            eventually(page.page, check_bodies, page, expected)
+            eventually(page.page, check_platform, page, robot, result.motion.pose[i])
+            eventually(page.page, check_arrows, page, visualizer.scene.scale, result, i)
             pictures.append(pixels(page))
         page.healthy()
     assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 40).mean() > 0.005
@@ -149,10 +142,8 @@ def test_play_moves_the_open_page_to_the_end(browser, robot, result, given):
         played.start()
         until(page.page, lambda: not played.is_alive())
         expected = bodies(visualizer, run.joints.q[-1] if given != "motion" else result.joints.q[-1])
-        name = "meshcat/p3dof/visuals/platform_0"
-        until(page.page, lambda: np.abs(page.place(name) - expected[name]).max() < 1e-6)
+        eventually(page.page, check_bodies, page, expected)
         page.wait("!!nodeOf('meshcat/trace')")
-        check_bodies(page, expected)
         page.healthy()
     visualizer.viewer.close()
 
@@ -367,14 +358,11 @@ def test_any_robot_plays_live_and_recorded(browser, bar, tmp_path):
     robot, motion = bar
     visualizer = robot_viewer(robot, trace="coupler_tip", port=0)
     player, lengths = visualizer.scene.player(motion), []
-    name = "meshcat/p3dof/visuals/coupler_joint_ball_0"
     with opened(browser, visualizer.viewer.url()) as page:
         for i in (4, 18):
             player.draw(motion.time[i])
-            expected = bodies(visualizer, motion.q[i])
-            page.wait("name => !!placeOf(name)", name)
-            until(page.page, lambda e=expected: np.abs(page.place(name) - e[name]).max() < 1e-6)
-            check_bodies(page, expected)
+            eventually(page.page, check_bodies, page, bodies(visualizer, motion.q[i]))
+            eventually(page.page, check_torque, page, robot, motion, i)
             lengths.append(check_torque(page, robot, motion, i))
         points = page.page.evaluate(
             "Array.from(nodeOf('meshcat/trace').children['<object>'].object.geometry.attributes.position.array)"
@@ -674,7 +662,7 @@ def test_once_ends_by_itself(browser, files, robot, robot_too):
             page.wait("document.getElementById('note').textContent.includes('what was drawn stays')")
             if not robot_too:
                 (q,) = joints_of(robot, p3dof.paper_motion(samples=41).pose[-1:])
-                check_bodies(page, bodies(Scene(robot).visualizer, q))
+                eventually(page.page, check_bodies, page, bodies(Scene(robot).visualizer, q))
         assert process.communicate() == ("", "")
         assert process.returncode == 0
 
@@ -697,9 +685,8 @@ def test_the_forces_hold_payload_and_load_at_a_moment(browser, files, robot):
             loaded = p3dof.load(robot.parameters.carrying(Body(2.0, np.zeros(3), np.zeros((3, 3)))))
             result = loaded.inverse_dynamics(p3dof.paper_motion(samples=41), wrench=[0, 0, -30, 0, 0, 0])
             scale = p3dof.viewer.ArrowScale.of_motion(loaded, result)
-            until(page.page, lambda: abs(arrow_of(page, "meshcat/forces/c")[1][2]) > 0)
-            check_bodies(page, bodies(Scene(loaded).visualizer, result.joints.q[20]))
-            check_arrows(page, scale, result, 20)
+            eventually(page.page, check_bodies, page, bodies(Scene(loaded).visualizer, result.joints.q[20]))
+            eventually(page.page, check_arrows, page, scale, result, 20)
         process.send_signal(signal.SIGINT)
         assert process.wait(timeout=60) == 0
 
