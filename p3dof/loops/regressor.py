@@ -311,9 +311,9 @@ def _of_rows(
             break
         rank, wanted = found, len(blocks) + max(4, len(blocks) // 2)
     beside = np.append(s / s.max(initial=0.0), 0.0)[max(0, rank - 1) :] if rank else np.zeros(2)
-    columns, matrix = _combined(W, size, kept, pivoted(Vt[:rank].T, np.array([], dtype=int)))
+    columns, matrix = combined(W, size, kept, pivoted(Vt[:rank].T, np.array([], dtype=int)))
     return BaseParameters(
-        names=tuple(_told(row, names, k) for row, k in zip(matrix, columns, strict=True)),
+        names=tuple(in_words(row, names, k) for row, k in zip(matrix, columns, strict=True)),
         values=matrix @ parameters,
         matrix=matrix,
         columns=columns,
@@ -324,7 +324,7 @@ def _of_rows(
     )
 
 
-def _combined(
+def combined(
     W: FloatArray, size: FloatArray, kept: NDArray[np.int_], base: NDArray[np.int_]
 ) -> tuple[NDArray[np.int_], FloatArray]:
     """Return which columns are the base, those of `kept` that `base` says, and K (rank, P)."""
@@ -342,7 +342,7 @@ def _combined(
     return columns, matrix
 
 
-def _told(row: FloatArray, names: tuple[str, ...], first: int) -> str:
+def in_words(row: FloatArray, names: tuple[str, ...], first: int) -> str:
     """Return a combination in words, its own parameter first."""
     words = names[first]
     for k in np.flatnonzero(row):
