@@ -9,6 +9,7 @@ from .energy import DriveLoads
 from .load_friction import LoadFriction, LoadFrictionEffect, read_load_friction
 from .reactions import JointLoad, OpenPeak, Peak, ReactionsComparison, Stiffness, read_stiffness
 from .designs import DesignEvaluation, DesignForces, DesignStatus, Designs, forces_of_designs
+from .identification import MachineForces
 from .tolerances import ForceTolerance, LocalSensitivity, PoseTolerance, SobolIndices
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "LoadFriction",
     "LoadFrictionEffect",
     "LocalSensitivity",
+    "MachineForces",
     "OpenPeak",
     "Peak",
     "PoseMargins",

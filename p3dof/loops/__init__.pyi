@@ -16,6 +16,8 @@ from .derivatives import (
     HybridDynamicsDerivatives,
     InverseDynamicsDerivatives,
 )
+from .identification.estimates import ParameterEstimate, estimate_parameters
+from .identification.forces import IdentifiableForces, LoopForces, prior_deviations
 from .margins import SingularityMargins
 from .minimal import FrameJacobian, MinimalDynamics
 from .model import ClosedLoopModel
@@ -63,16 +65,19 @@ __all__ = [
     "FrameTargets",
     "HybridDynamics",
     "HybridDynamicsDerivatives",
+    "IdentifiableForces",
     "InverseDynamics",
     "InverseDynamicsDerivatives",
     "JointCompliance",
     "JointData",
     "JointReactions",
+    "LoopForces",
     "LoopRegressor",
     "MappedMotion",
     "MinimalDynamics",
     "MomentumObserver",
     "MotorSide",
+    "ParameterEstimate",
     "ReactionSolver",
     "ReflectedDynamics",
     "Sidecar",
@@ -80,7 +85,9 @@ __all__ = [
     "State",
     "Transmission",
     "beam",
+    "estimate_parameters",
     "load_robot",
+    "prior_deviations",
     "reactions_batch",
     "reactions_by_each",
 ]

@@ -2,21 +2,14 @@
 
 - `directions`: what may vary about a machine, and what moves with it.
 - `forces`: forces to first order; `pose`: closures of machines whose legs differ, of which
-  `identifiability` says what a calibration can find; `estimation`: inertial parameters from measured forces
-  and the design; `draws`: machines drawn at
-  random, in blocks; `tolerance`: all of it; `results`, `tables`.
+  `estimation` says what a calibration can find; `draws`: machines drawn at random, in blocks; `tolerance`:
+  all of it; `results`, `tables`.
 - `sobol`: Sobol' indices of anything; `sensitivity`: of figures of forces, and their exact derivatives.
 - `files`: what is uncertain, in a file; `tables`: of all results.
 """
 
 from p3dof.analysis.tolerances.draws import DrawnForces, DrawnPoses
-from p3dof.analysis.tolerances.estimation import (
-    Identifiability,
-    ParameterEstimate,
-    estimate_parameters,
-    identifiability,
-    prior_deviations,
-)
+from p3dof.analysis.tolerances.estimation import Identifiability, identifiability
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
 from p3dof.analysis.tolerances.sensitivity import (
     LocalSensitivity,
@@ -40,13 +33,10 @@ __all__ = [
     "Identifiability",
     "LocalSensitivity",
     "MatchedSamples",
-    "ParameterEstimate",
     "PoseTolerance",
     "SobolIndices",
     "Uncertainty",
-    "estimate_parameters",
     "identifiability",
-    "prior_deviations",
     "read_uncertainty",
     "sensitivity",
     "sensitivity_table",

@@ -18,8 +18,6 @@ C. M. Bishop, Pattern Recognition and Machine Learning, Springer 2006, sections 
 P. J. Huber, E. M. Ronchetti, Robust Statistics, Wiley 2009, chapter 7.
 P. M. Wensing, S. Kim, J.-J. E. Slotine, Linear matrix inequalities for physically consistent inertial
 parameter identification, IEEE Robotics and Automation Letters 3(1), 2018.
-C. Rucker, P. M. Wensing, Smooth parameterization of rigid-body inertia, IEEE Robotics and Automation Letters
-7(2), 2022 (log-Cholesky).
 """
 
 from __future__ import annotations
@@ -41,12 +39,14 @@ from p3dof.loops.regressor import combined, in_words
 EstimationMethod: TypeAlias = Literal["map", "wls", "essential", "robust"]
 METHODS = ("map", "wls", "essential", "robust")
 _HUBER = 1.345  # residual beyond which a sample counts less, over the noise: 95 % efficient for normal noise
+_OUTLIER = 1 / 3  # weight below which a force is told as an outlier
 _NORMAL = 1.4826  # standard deviation of normal noise over its median of sizes
 _ESSENTIAL = 0.3  # relative standard deviation above which a base parameter stays at the design
 _STEPS, _SETTLED = 200, 1e-9
 _WIDEST = np.log(100.0)  # of factors of estimated widths, both ways
 _HYPER = np.log(10.0)  # standard deviation of the logarithm of such a factor before the data
 _ROUNDS = 4
+_GAP = 1e-10  # of consistent parameters, relative
 _LITTLE = 0.01  # share of a combination's doubt below which a parameter is not named in it
 _INSIDE = 1e-8  # least eigenvalue of a scaled pseudo-inertia
 _NOT_NEGATIVE = ("damping", "friction", "armature")
@@ -152,7 +152,7 @@ def estimate_parameters(
     widths: Literal["given", "estimated"] = "given",
     names: Sequence[str] | None = None,
     consistent: bool = True,
-    solver: Literal["clarabel", "scipy"] | None = None,
+    solver: Literal["clarabel", "barrier"] | None = None,
 ) -> ParameterEstimate:
     """Return the most likely parameters, given measured forces and a design.
 
@@ -179,10 +179,9 @@ def estimate_parameters(
     consistent : bool
         Whether bodies shall be possible (pseudo-inertias positive semidefinite), friction and rotors not
         negative. Bodies that the design has on this boundary already stay out of it.
-    solver : {"clarabel", "scipy"}, optional
+    solver : {"clarabel", "barrier"}, optional
         What solves for consistent parameters where the most likely ones are not: a semidefinite program by
-        Clarabel (extra ``identify``), by default where it is installed; or least squares in log-Cholesky
-        factors by SciPy.
+        Clarabel (extra ``identify``), by default where it is installed; or Newton's method with a barrier.
 
     Raises
     ------
@@ -210,8 +209,8 @@ def estimate_parameters(
     remarks = []
     if method == "robust":
         sigma, posterior, weights = _robust(problem, given)
-        if few := int((weights < 0.5).sum()):
-            remarks.append(f"{few} of {weights.size} forces are outliers and count less than half")
+        if few := int((weights < _OUTLIER).sum()):
+            remarks.append(f"{few} of {weights.size} forces are outliers and count less than a third")
     elif method != "map":
         sigma, posterior = _least_squares(problem, given, phi[free] / doubt[free], method == "essential")
     found = phi.copy()
@@ -318,22 +317,22 @@ def _posterior(triangles: Sequence[FloatArray], sigma: FloatArray) -> _Posterior
 def _most_likely(
     problem: _Problem, given: FloatArray | None, weights: FloatArray | None = None
 ) -> tuple[FloatArray, _Posterior]:
-    """Return noise and posterior; noise not given maximises the evidence (expectation maximisation)."""
+    """Return noise and posterior; noise not given maximises the evidence (Bishop, 3.5.2)."""
     triangles = _reduced(problem, weights)
     count = np.full(problem.r.shape[1], float(len(problem.r))) if weights is None else weights.sum(axis=0)
     if given is not None:
         return given, _posterior(triangles, given)
     least = 1e-12 * max(float(np.abs(problem.r).max(initial=0.0)), np.finfo(float).tiny)
     sigma = np.maximum(np.sqrt((problem.r**2).mean(axis=0)), least)
+    grams = np.array([R.T @ R for R in triangles])  # only the noise comes from these
     for _ in range(_STEPS):
-        found = _posterior(triangles, sigma)
-        left = [
-            np.sum((R[:, -1] - R[:, :-1] @ found.z) ** 2)
-            + np.einsum("ki,ij,kj->", R[:, :-1], found.covariance, R[:, :-1])
-            for R in triangles
-        ]
-        better = np.maximum(np.sqrt(np.array(left) / count), least)
-        settled = np.abs(better - sigma).max() <= 1e-6 * sigma.max()
+        whole = np.einsum("kij,k->ij", grams, sigma**-2.0)
+        covariance = np.linalg.inv(np.eye(len(whole) - 1) + whole[:-1, :-1])
+        z = np.append(covariance @ -whole[:-1, -1], 1.0)
+        left = np.einsum("kij,i,j->k", grams, z, z)
+        told = np.einsum("kij,ij->k", grams[:, :-1, :-1], covariance) / sigma**2
+        better = np.maximum(np.sqrt(np.maximum(left, 0.0) / (count - told)), least)
+        settled = np.abs(better / sigma - 1).max() <= 1e-6
         sigma = better
         if settled:
             break
@@ -389,7 +388,7 @@ def _least_squares(
     triangles, (count, m) = _reduced(problem), problem.r.shape
     sigma, F = np.ones(m) if given is None else given, len(design)
     for _ in range(_STEPS):
-        T = np.concatenate([R / s for R, s in zip(triangles, sigma, strict=True)])
+        T = _triangle(np.concatenate([R / s for R, s in zip(triangles, sigma, strict=True)]))
         base, z, C = _leading(T, design, essential)
         whole, covariance = np.zeros(F), np.zeros((F, F))
         whole[base], covariance[np.ix_(base, base)] = z, C
@@ -401,7 +400,7 @@ def _least_squares(
         sigma = better
         if settled:
             break
-    return sigma, _Posterior(whole, covariance, _triangle(T))
+    return sigma, _Posterior(whole, covariance, T)
 
 
 def _leading(
@@ -462,15 +461,25 @@ def _combinations(
 # Possible bodies
 
 
-class _Bodies(NamedTuple):
-    """Pseudo-inertias of some bodies, each scaled by its design's, and their least eigenvalues allowed."""
-
-    at: list[NDArray[np.int_]]  # for each, where its ten parameters are among all
-    scale: list[FloatArray]  # (4,) each
-    least: list[float]
-
-
 _TEN: FloatArray = np.array([pseudo_inertia(unit) for unit in np.eye(10)])  # (10, 4, 4)
+
+
+class _Constraints(NamedTuple):
+    """Scaled pseudo-inertias `J0 + Σ G w` that must be positive semidefinite, and numbers `c + H w` >= 0."""
+
+    J0: FloatArray  # (B, 4, 4)
+    G: FloatArray  # (B, F, 4, 4)
+    c: FloatArray  # (n,)
+    H: FloatArray  # (n, F)
+
+    def slack(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what must be positive semidefinite and not negative."""
+        return self.J0 + np.einsum("bfij,f->bij", self.G, w), self.c + self.H @ w
+
+    def hold(self, w: FloatArray) -> bool:
+        """Whether they hold, with nothing to spare."""
+        J, c = self.slack(w)
+        return not (np.linalg.eigvalsh(J) < 0).any() and not (c < 0).any()
 
 
 def _made_possible(
@@ -479,175 +488,116 @@ def _made_possible(
     names: tuple[str, ...],
     prior: tuple[FloatArray, FloatArray],
     free: NDArray[np.int_],
-    solver: Literal["clarabel", "scipy"] | None,
+    solver: Literal["clarabel", "barrier"] | None,
 ) -> tuple[FloatArray, list[str]]:
     """Return the most likely parameters among possible ones, and remarks."""
-    (design, doubt), remarks = prior, []
-    own = _Bodies([], [], [])
+    design, doubt = prior
+    T = posterior.information
+    _, s, Vt = np.linalg.svd(T[:, :-1], full_matrices=True)
+    root = np.sqrt(1 + np.append(s, np.zeros(len(free) - len(s))) ** 2)
+    back = Vt.T / root  # z = back w: the objective is |w|² / 2 - gᵀ w
+    g = back.T @ (T[:, :-1].T @ T[:, -1])
+    by_w = np.zeros((len(design), len(free)))
+    by_w[free] = doubt[free, None] * back
+    J0, G, remarks = [], [], []
     for first in bodies_of(names):
-        at = np.arange(first, first + 10)
+        at = slice(first, first + 10)
         if not doubt[at].any():
             continue
         J = pseudo_inertia(design[at])
-        scale = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
-        least = float(np.linalg.eigvalsh(J / np.outer(scale, scale)).min())
+        size = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
+        scale = np.outer(size, size)
+        least = float(np.linalg.eigvalsh(J / scale).min())
         if least < _INSIDE:
             remarks.append(
                 f"{names[first].rpartition('.')[0]}: its design is no possible solid body; left so"
             )
             continue
-        own.at.append(at)
-        own.scale.append(scale)
-        own.least.append(min(_INSIDE, least / 2))
-    signed = np.array([i for i in free if names[i].rpartition(".")[2] in _NOT_NEGATIVE], dtype=int)
-    if _possible(found, own) and (found[signed] >= 0).all():
+        J0.append(J / scale - _INSIDE / 2 * np.eye(4))
+        G.append(np.einsum("tij,tf->fij", _TEN / scale, by_w[at]))
+    signed = [i for i in free.tolist() if names[i].rpartition(".")[2] in _NOT_NEGATIVE]
+    constraints = _Constraints(
+        np.array(J0).reshape(-1, 4, 4),
+        np.array(G).reshape(-1, len(free), 4, 4),
+        design[signed] / doubt[signed],
+        by_w[signed] / doubt[signed, None],
+    )
+    if constraints.hold(g):
         return found, remarks
     if solver is None:
         from importlib.util import find_spec
 
-        solver = "clarabel" if find_spec("clarabel") else "scipy"
-    ways = {"clarabel": _semidefinite, "scipy": _log_cholesky}
-    if solver not in ways:
-        raise InputError(f"solver: expected clarabel or scipy, got {shown(solver)}")
-    T = posterior.information
-    better = ways[solver](T, prior, free, own, signed)
+        solver = "clarabel" if find_spec("clarabel") else "barrier"
+    if solver == "clarabel":
+        w = _by_clarabel(g, constraints)
+    elif solver == "barrier":
+        w = _by_barrier(g, constraints, root * (Vt @ np.isin(free, signed).astype(float)))
+    else:
+        raise InputError(f"solver: expected clarabel or barrier, got {shown(solver)}")
+    better = design + by_w @ w
+    better[signed] = np.maximum(better[signed], 0.0)
     return better, remarks
 
 
-def _possible(parameters: FloatArray, bodies: _Bodies) -> bool:
-    """Whether all bodies are possible."""
-    each = zip(bodies.at, bodies.scale, strict=True)
-    return all(
-        np.linalg.eigvalsh(pseudo_inertia(parameters[at]) / np.outer(scale, scale)).min() >= 0
-        for at, scale in each
-    )
-
-
-def _semidefinite(
-    T: FloatArray,
-    prior: tuple[FloatArray, FloatArray],
-    free: NDArray[np.int_],
-    bodies: _Bodies,
-    signed: NDArray[np.int_],
-) -> FloatArray:
-    """Minimise |T z - t|² + |z|² over possible parameters by a semidefinite program."""
+def _by_clarabel(g: FloatArray, constraints: _Constraints) -> FloatArray:
+    """Minimise |w|² / 2 - gᵀ w under the constraints as a semidefinite program."""
     import clarabel  # type: ignore[import-untyped]
     from scipy import sparse
 
-    design, doubt = prior
-    _, s, Vt = np.linalg.svd(T[:, :-1], full_matrices=True)
-    root = np.sqrt(1 + np.append(s, np.zeros(len(free) - len(s))) ** 2)
-    back = Vt.T / root  # z = back w, with the objective |w|² / 2 - gᵀ w
-    g = back.T @ (T[:, :-1].T @ T[:, -1])
-    upper = np.triu_indices(4)
-    order = np.lexsort((upper[0], upper[1]))  # columns of the upper triangle, one after the other
-    rows, columns = upper[0][order], upper[1][order]
+    rows, columns = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # of the upper triangle
     weight = np.where(rows == columns, 1.0, np.sqrt(2.0))
-    place = {int(at): i for i, at in enumerate(free)}
-    blocks, offsets, cones = [], [], []
-    for at, scale, least in zip(bodies.at, bodies.scale, bodies.least, strict=True):
-        each = (_TEN / np.outer(scale, scale))[:, rows, columns] * weight  # (10, 10)
-        offsets.append(design[at] @ each - least * (rows == columns))
-        block = np.zeros((10, len(free)))
-        for ten, parameter in zip(each, at, strict=True):
-            if int(parameter) in place:
-                block[:, place[int(parameter)]] = ten * doubt[parameter]
-        blocks.append(block)
-        cones.append(clarabel.PSDTriangleConeT(4))
-    if len(signed):
-        block = np.zeros((len(signed), len(free)))
-        for row, parameter in enumerate(signed):
-            block[row, place[int(parameter)]] = 1.0
-        blocks.append(block)
-        offsets.append(design[signed] / doubt[signed])
-        cones.append(clarabel.NonnegativeConeT(len(signed)))
+    offset = np.concatenate([(constraints.J0[:, rows, columns] * weight).ravel(), constraints.c])
+    G = (constraints.G[:, :, rows, columns] * weight).transpose(0, 2, 1).reshape(-1, len(g))
+    cones = [clarabel.PSDTriangleConeT(4)] * len(constraints.J0)
+    if len(constraints.c):
+        cones.append(clarabel.NonnegativeConeT(len(constraints.c)))
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
-    solution = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.eye(len(free))),
-        -g,
-        sparse.csc_matrix(-np.concatenate(blocks) @ back),
-        np.concatenate(offsets),
-        cones,
-        settings,
-    ).solve()
-    z = back @ np.array(solution.x)
-    found: FloatArray = design.copy()
-    found[free] += doubt[free] * z
-    found[signed] = np.maximum(found[signed], 0.0)
-    if not _possible(found, bodies):
-        return _log_cholesky(T, prior, free, bodies, signed)
-    return found
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _GAP
+    one, A = sparse.csc_matrix(np.eye(len(g))), sparse.csc_matrix(-np.concatenate([G, constraints.H]))
+    return np.array(clarabel.DefaultSolver(one, -g, A, offset, cones, settings).solve().x)
 
 
-def _log_cholesky(
-    T: FloatArray,
-    prior: tuple[FloatArray, FloatArray],
-    free: NDArray[np.int_],
-    bodies: _Bodies,
-    signed: NDArray[np.int_],
-) -> FloatArray:
-    """Minimise the same by least squares in Cholesky factors, logarithms on their diagonals."""
-    from scipy.optimize import least_squares
+def _by_barrier(g: FloatArray, constraints: _Constraints, inside: FloatArray) -> FloatArray:
+    """Minimise the same by Newton's method with a logarithmic barrier, from a point inside.
 
-    design, doubt = prior
-    lower = np.tril_indices(4)
-    diagonal = lower[0] == lower[1]
-    ten_of = np.linalg.inv(_TEN.reshape(10, 16)[:, [4 * i + j for i, j in zip(*lower, strict=True)]].T)
-    held = np.concatenate([*bodies.at, np.zeros(0, dtype=int)]).astype(int)
-    others = np.setdiff1d(free, held)
-    place = np.zeros(len(design), dtype=int)
-    place[free] = np.arange(len(free))
-    start = [
-        _logs(np.linalg.cholesky(pseudo_inertia(design[at]) / np.outer(scale, scale))[lower], diagonal)
-        for at, scale in zip(bodies.at, bodies.scale, strict=True)
-    ]
-    x0 = np.concatenate([*start, np.zeros(len(others))])
+    S. Boyd, L. Vandenberghe, Convex Optimization, Cambridge 2004, chapter 11. After the last barrier the
+    objective is less than its weight times the degree of the barrier from the least.
+    """
+    w, weight = inside, 1.0
+    degree = 4 * len(constraints.J0) + len(constraints.c)
 
-    def parameters(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found, J = design.copy(), np.zeros((len(design), len(x)))
-        for k, (at, scale) in enumerate(zip(bodies.at, bodies.scale, strict=True)):
-            logs = x[10 * k : 10 * k + 10]
-            L = np.zeros((4, 4))
-            L[lower] = np.where(diagonal, np.exp(logs), logs)
-            by = np.zeros((10, 4, 4))
-            by[np.arange(10), lower[0], lower[1]] = np.where(diagonal, np.exp(logs), 1.0)
-            turned = by @ L.T
-            change = (turned + turned.transpose(0, 2, 1)) * np.outer(scale, scale)
-            found[at] = ten_of @ (L @ L.T * np.outer(scale, scale))[lower]
-            J[at[:, None], 10 * k + np.arange(10)] = ten_of @ change[:, lower[0], lower[1]].T
-        found[others] = design[others] + doubt[others] * x[10 * len(bodies.at) :]
-        J[others, 10 * len(bodies.at) + np.arange(len(others))] = doubt[others]
-        return found, J
+    def cost(w: FloatArray) -> float:
+        J, c = constraints.slack(w)
+        if (np.linalg.eigvalsh(J) <= 0).any() or (c <= 0).any():
+            return np.inf
+        barrier = np.linalg.slogdet(J)[1].sum() + np.log(c).sum()
+        return float(w @ w / 2 - g @ w - weight * barrier)
 
-    def residuals(x: FloatArray) -> FloatArray:
-        z = (parameters(x)[0][free] - design[free]) / doubt[free]
-        return np.concatenate([T[:, :-1] @ z - T[:, -1], z])
-
-    def jacobian(x: FloatArray) -> FloatArray:
-        by = parameters(x)[1][free] / doubt[free, None]
-        return np.concatenate([T[:, :-1] @ by, by])
-
-    least = np.full(len(x0), -np.inf)
-    for parameter in np.intersect1d(signed, others):
-        at = 10 * len(bodies.at) + int(np.searchsorted(others, parameter))
-        least[at] = -design[parameter] / doubt[parameter] - 1e-12
-    solution = least_squares(
-        residuals,
-        x0,
-        jacobian,
-        bounds=(least, np.inf),
-        x_scale="jac",
-        xtol=1e-13,
-        ftol=1e-13,
-        gtol=1e-12,
-        max_nfev=2000,
-    )
-    found, _ = parameters(solution.x)
-    found[signed] = np.maximum(found[signed], 0.0)
-    return found
-
-
-def _logs(entries: FloatArray, diagonal: NDArray[np.bool_]) -> FloatArray:
-    return np.where(diagonal, np.log(np.where(diagonal, entries, 1.0)), entries)
+    while weight * degree > _GAP * (1 + float(g @ g)):
+        weight /= 10
+        for _ in range(_STEPS):
+            J, c = constraints.slack(w)
+            turned = np.linalg.inv(J)[:, None] @ constraints.G  # (B, F, 4, 4)
+            slope = (
+                w
+                - g
+                - weight
+                * (np.trace(turned, axis1=2, axis2=3).sum(axis=0) + (constraints.H.T / c).sum(axis=1))
+            )
+            pairs = (
+                turned.transpose(1, 0, 2, 3).reshape(len(g), -1),
+                turned.transpose(1, 0, 3, 2).reshape(len(g), -1),
+            )
+            scaled = constraints.H / c[:, None]
+            step = -np.linalg.solve(
+                np.eye(len(g)) + weight * (pairs[0] @ pairs[1].T + scaled.T @ scaled), slope
+            )
+            decrement = -float(slope @ step)
+            if decrement < 1e-3 * weight:
+                break
+            size, here = 1.0, cost(w)
+            while size > 1e-12 and not cost(w + size * step) <= here - 0.1 * size * decrement:
+                size /= 2
+            w = w + size * step
+    return w
