@@ -242,6 +242,7 @@ def logged():
 def test_intervals_of_95_percent_hold_the_truth_so_often(logged, method):
     """Two hundred draws: of noise, for friction; and of noise and machines, for all parameters."""
     forces, A, built = logged
+    A = A[::4]
     doubts, held, friction = forces.deviations(), [], slice(109, 115)
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -353,7 +354,7 @@ def test_the_width_of_the_prior_is_found_from_much_data(logged):
     """Ten times too wide or too narrow a prior comes back to what the machines were drawn from."""
     forces, A, _ = logged
     doubts, factors = forces.deviations(), {0.1: [], 10.0: []}
-    for seed in range(6):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         truth = forces.design + doubts * rng.normal(size=len(doubts))
         measured = A @ truth + rng.normal(0, 0.05, A.shape[:2])
@@ -364,10 +365,37 @@ def test_the_width_of_the_prior_is_found_from_much_data(logged):
             np.testing.assert_allclose(
                 one.prior[:100], one.widths["bodies"] * wrong * doubts[:100], rtol=1e-12
             )
-            found.append([wrong * one.widths[group] for group in ("bodies", "friction")])
-    assert (np.median(factors[0.1], axis=0) > 0.6).all()
-    assert (np.median(factors[10.0], axis=0) < 1.7).all()
-    np.testing.assert_allclose(np.median(factors[0.1], axis=0), np.median(factors[10.0], axis=0), rtol=0.3)
+            found.append(wrong * one.widths["bodies"])
+    assert 0.5 < min(map(min, factors.values())) < max(map(max, factors.values())) < 2
+
+
+def test_estimated_widths_make_the_forces_most_probable():
+    """Against the density of the forces themselves, a normal distribution with all covariances written out."""
+    rng = np.random.default_rng(3)
+    A, names = (
+        rng.normal(size=(60, 8)),
+        [f"joint_{i}.{'damping' if i < 4 else 'stiffness'}" for i in range(8)],
+    )
+    doubts = rng.uniform(0.5, 2.0, 8)
+    truth = doubts * rng.normal(size=8) * np.repeat([3.0, 0.3], 4)
+    measured = A @ truth + rng.normal(0, 0.2, 60)
+    found = estimate_parameters(A, measured, np.zeros(8), doubts, 0.2, widths="estimated", names=names)
+    best = np.log([found.widths["friction"], found.widths["joints"]])
+
+    def probability(logs):
+        spread = doubts * np.exp(np.repeat(logs, 4))
+        covariance = 0.04 * np.eye(60) + (A * spread**2) @ A.T
+        size = np.linalg.slogdet(covariance)[1] + measured @ np.linalg.solve(covariance, measured)
+        return -size / 2 - np.sum((logs / np.log(10)) ** 2) / 2
+
+    slopes = [(probability(best + h) - probability(best - h)) / 0.02 for h in 0.01 * np.eye(2)]
+    curvature = [
+        (probability(best + h) + probability(best - h) - 2 * probability(best)) / 1e-4
+        for h in 0.01 * np.eye(2)
+    ]
+    assert (np.array(curvature) < 0).all()
+    np.testing.assert_allclose(np.array(slopes) / curvature, 0, atol=5e-3)
+    assert best[0] > 0 > best[1]
 
 
 def test_what_is_seen_is_told_in_combinations():
