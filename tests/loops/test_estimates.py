@@ -370,7 +370,7 @@ def test_the_width_of_the_prior_is_found_from_much_data(logged):
 
 
 def test_estimated_widths_make_the_forces_most_probable():
-    """Against the density of the forces themselves, a normal distribution with all covariances written out."""
+    """Against the density of the forces themselves, a normal distribution, all covariances written out."""
     rng = np.random.default_rng(3)
     A, names = (
         rng.normal(size=(60, 8)),
