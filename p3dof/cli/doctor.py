@@ -36,6 +36,7 @@ EXTRAS = {
     "xacro": ("robots with macros", "xacro"),
     "jax": ("forces as functions of JAX arrays", "jax"),
     "studio": ("Pareto fronts by genetic algorithms", "pymoo"),
+    "identify": ("possible bodies in identification", "clarabel"),
     "cluster": ("sweeps on Dask clusters", "dask distributed pyarrow"),
 }
 """Optional parts of the package: what each is for, and the packages that it needs."""

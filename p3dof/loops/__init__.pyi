@@ -16,8 +16,13 @@ from .derivatives import (
     HybridDynamicsDerivatives,
     InverseDynamicsDerivatives,
 )
-from .identification.estimates import ParameterEstimate, estimate_parameters
-from .identification.forces import IdentifiableForces, LoopForces, prior_deviations
+from .identification.estimates import (
+    ParameterEstimate,
+    PayloadEstimate,
+    estimate_parameters,
+    estimate_payload,
+)
+from .identification.forces import ExtendedForces, IdentifiableForces, LoopForces, prior_deviations
 from .margins import SingularityMargins
 from .minimal import FrameJacobian, MinimalDynamics
 from .model import ClosedLoopModel
@@ -57,6 +62,7 @@ __all__ = [
     "CompiledDynamics",
     "CompiledLoop",
     "Coupling",
+    "ExtendedForces",
     "ForceLimits",
     "ForwardDynamics",
     "ForwardDynamicsDerivatives",
@@ -78,6 +84,7 @@ __all__ = [
     "MomentumObserver",
     "MotorSide",
     "ParameterEstimate",
+    "PayloadEstimate",
     "ReactionSolver",
     "ReflectedDynamics",
     "Sidecar",
@@ -86,6 +93,7 @@ __all__ = [
     "Transmission",
     "beam",
     "estimate_parameters",
+    "estimate_payload",
     "load_robot",
     "prior_deviations",
     "reactions_batch",

@@ -15,7 +15,7 @@ import p3dof
 from p3dof import ClosedLoopModel
 from p3dof._base.errors import InputError
 from p3dof.analysis import MachineForces
-from p3dof.loops import estimate_parameters, prior_deviations
+from p3dof.loops import ExtendedForces, LoopForces, estimate_parameters, estimate_payload, prior_deviations
 from p3dof.loops.identification.forces import bodies_of, pseudo_inertia
 from p3dof.machine.motion import paper_motion
 from p3dof.machine.parameters import SOLIDS, Body, Friction
@@ -418,3 +418,101 @@ def test_what_is_seen_is_told_in_combinations():
         "the forces show nothing that the prior does not know better: excite the robot more",
     )
     assert nothing.combinations == ()
+
+
+# Payloads, and what a model of bodies lacks
+
+
+def test_a_payload_of_two_kilograms_is_found_to_a_percent(logged):
+    """The same motion with and without it, of a machine that is not its design, by Lagrange's equations."""
+    forces, _, built = logged
+    motion = fourier(np.random.default_rng(4), np.arange(1000) * 0.002)
+    com = np.array([0.0, 0.03, -0.06])
+    payload = Body(2.0, com, np.diag([0.004, 0.005, 0.006]))
+    loaded = LagrangeModel(built.parameters.carrying(payload)).forces(*motion)
+    rng = np.random.default_rng(0)
+    difference = loaded - LagrangeModel(built.parameters).forces(*motion) + rng.normal(0, 1.0, loaded.shape)
+    found = estimate_payload(forces, forces.from_coordinates(*motion), difference, "platform")
+    assert found.mass == pytest.approx(2.0, rel=0.01)
+    assert abs(found.mass - 2.0) < 3 * found.mass_deviation < 0.06
+    seen = found.com_deviations < 0.05  # the platform turns about y, and cannot show where along it
+    assert seen.tolist() == [True, False, True]
+    assert (np.abs(found.com - com)[seen] < 3 * found.com_deviations[seen]).all()
+    assert np.linalg.eigvalsh(found.inertia).min() > 0
+
+
+def test_a_payload_of_any_robot():
+    forces = LoopForces(p3dof.load_robot(ROOT / "docs/_static/gallery/stewart.urdf"))
+    rng, count = np.random.default_rng(1), 60
+    motion = (
+        forces.home + 0.03 * rng.normal(size=(count, 6)),
+        rng.normal(size=(count, 6)),
+        5 * rng.normal(size=(count, 6)),
+    )
+    states, design = forces.from_actuators(*motion), forces.design
+    first = forces.names.index("platform.m")
+    model, com = forces.robot.model.copy(), np.array([0.02, -0.03, 0.1])
+    joint = 1 + first // 10
+    model.inertias[joint] = model.inertias[joint] + pin.Inertia(2.0, com, np.diag([0.01, 0.012, 0.015]))
+    loaded = ClosedLoopModel(model, forces.robot.sidecar).inverse_dynamics_batch(*states.whole).tau
+    rows = forces.rows(states)
+    difference = loaded - rows.columns @ design - rows.known + rng.normal(0, 0.1, loaded.shape)
+    found = estimate_payload(forces, states, difference, "platform", size=0.3)
+    assert found.mass == pytest.approx(2.0, rel=0.01)
+    assert (np.abs(found.com - com) < 3 * found.com_deviations).all()
+    np.testing.assert_allclose(found.com, com, atol=0.01)
+    with pytest.raises(InputError, match=r"body: expected one of .*platform.*, got 'hand'"):
+        estimate_payload(forces, states, difference, "hand")
+    with pytest.raises(InputError, match="size: expected a positive number"):
+        estimate_payload(forces, states, difference, "platform", size=0)
+
+
+def test_what_a_model_of_bodies_lacks_is_found(logged):
+    """Friction of a screw that grows with its load and as it stops, motor constants 4 % off, offsets."""
+    forces, _, built = logged
+    plain = forces.rows(forces.from_coordinates(*fourier(np.random.default_rng(4), np.arange(1000) * 0.002)))
+    states = forces.from_coordinates(*fourier(np.random.default_rng(4), np.arange(1000) * 0.002))
+    load = plain.columns @ built.design
+    sign = np.tanh(states.velocities / 1e-3)
+    true = load + np.array([0.03, 0.05, 0.0]) * np.abs(load) * sign
+    true += np.array([2.0, 0.0, 3.0]) * np.exp(-((states.velocities / 0.05) ** 2)) * sign
+    measured = true / (1 + np.array([0.04, 0.0, -0.04])) + [1.0, -2.0, 0.0]
+    measured += np.random.default_rng(2).normal(0, 0.1, measured.shape)
+    at, found = None, None
+    for _ in range(4):  # loads are those of the estimate before
+        extended = ExtendedForces(forces, stribeck_speed=0.05, at=at)
+        found = estimate_parameters(
+            extended.rows(states).columns,
+            measured,
+            extended.design,
+            extended.deviations(),
+            names=extended.names,
+        )
+        at = found.parameters
+    value = dict(zip(found.names, found.parameters, strict=True))
+    spread = dict(zip(found.names, found.deviations, strict=True))
+    truth = {
+        "slide_a.load_friction": 0.03, "slide_b.load_friction": 0.05, "slide_a.stribeck": 2.0,
+        "slide_c.stribeck": 3.0, "slide_a.offset": 1.0, "slide_b.offset": -2.0,
+    }  # fmt: skip
+    for name, number in truth.items():
+        assert abs(value[name] - number) < max(4 * spread[name], 0.1 * abs(number)), name
+    difference = value["slide_a.constant"] - value["slide_c.constant"]
+    assert difference == pytest.approx(0.08, abs=0.02)  # all constants together are the scale of all masses
+    assert found.residual < 0.11
+    without = estimate_parameters(
+        plain.columns, measured, forces.design, forces.deviations(), names=forces.names
+    )
+    assert without.residual > 3 * found.residual
+    assert isinstance(extended.corrected(found.parameters), type(SOLIDS))
+
+
+def test_extras_that_are_none_are_refused(logged):
+    with pytest.raises(
+        InputError, match="extras: expected some of stribeck, load_friction, constant, offset, got 'dust'"
+    ):
+        ExtendedForces(logged[0], ["dust"])
+    with pytest.raises(InputError, match="stribeck_speed: expected a positive number"):
+        ExtendedForces(logged[0], stribeck_speed=0)
+    with pytest.raises(InputError, match="at: expected 115 parameters or more, got 3"):
+        ExtendedForces(logged[0], at=[1, 2, 3])

@@ -29,12 +29,12 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, Readable, as_floats, frozen_array, shown
+from p3dof._base.checks import FloatArray, Readable, as_floats, frozen_array, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.loops.identification.forces import bodies_of, pseudo_inertia
+from p3dof.loops.identification.forces import IdentifiableForces, States, bodies_of, pseudo_inertia
 from p3dof.loops.linear import RANK_TOLERANCE
 from p3dof.loops.minimal import pivoted
-from p3dof.loops.regressor import combined, in_words
+from p3dof.loops.regressor import MOMENTS, combined, in_words
 
 EstimationMethod: TypeAlias = Literal["map", "wls", "essential", "robust"]
 METHODS = ("map", "wls", "essential", "robust")
@@ -49,7 +49,8 @@ _ROUNDS = 4
 _GAP = 1e-10  # of consistent parameters, relative
 _LITTLE = 0.01  # share of a combination's doubt below which a parameter is not named in it
 _INSIDE = 1e-8  # least eigenvalue of a scaled pseudo-inertia
-_NOT_NEGATIVE = ("damping", "friction", "armature")
+_NOT_NEGATIVE = ("damping", "friction", "armature", "load_friction")
+_GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False)
@@ -541,7 +542,7 @@ def _made_possible(
 
 def _by_clarabel(g: FloatArray, constraints: _Constraints) -> FloatArray:
     """Minimise |w|² / 2 - gᵀ w under the constraints as a semidefinite program."""
-    import clarabel  # type: ignore[import-untyped]
+    import clarabel
     from scipy import sparse
 
     rows, columns = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # of the upper triangle
@@ -601,3 +602,87 @@ def _by_barrier(g: FloatArray, constraints: _Constraints, inside: FloatArray) ->
                 size /= 2
             w = w + size * step
     return w
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadEstimate(Readable):
+    """A payload from forces with it and without it.
+
+    Parameters
+    ----------
+    mass, mass_deviation : float
+        [kg], and its standard deviation.
+    com, com_deviations : ndarray, shape (3,)
+        Mass centre in the axes of the joint that carries the body [m]; a deviation as large as the size that
+        was supposed tells that the forces do not show it.
+    inertia : ndarray, shape (3, 3)
+        About the mass centre [kg m²].
+    estimate : ParameterEstimate
+        All of it: of ten inertial parameters about the origin of the joint.
+    """
+
+    mass: float
+    mass_deviation: float
+    com: FloatArray
+    com_deviations: FloatArray
+    inertia: FloatArray
+    estimate: ParameterEstimate
+
+
+def estimate_payload(
+    forces: IdentifiableForces,
+    states: States,
+    difference: ArrayLike,
+    body: str,
+    *,
+    heaviest: float | None = None,
+    size: float = 0.2,
+    noise: ArrayLike | None = None,
+) -> PayloadEstimate:
+    """Return what a body carries, from the forces of a motion with and without it.
+
+    Parameters
+    ----------
+    forces : LoopForces or MachineForces
+        Of the robot or machine.
+    states : States
+        Of the motion.
+    difference : array-like, shape (N, m)
+        Forces with the payload less those without, measured or those of an identified model, so that friction
+        and errors of the model fall out [N or N m].
+    body : str
+        The body that carries it, as in the names of parameters: ``platform``.
+    heaviest : float, optional
+        Largest payload that is supposed [kg]; by default what the strongest actuator could lift.
+    size : float
+        How large it is supposed to be [m].
+    noise : array-like, optional
+        Standard deviation of the difference, as in `estimate_parameters`.
+
+    Raises
+    ------
+    InputError
+        If there is no such body, a number is not positive, or shapes do not fit.
+    """
+    names = [f"{body}.{moment}" for moment in MOMENTS]
+    if names[0] not in forces.names:
+        bodies = [forces.names[first].rpartition(".")[0] for first in bodies_of(forces.names)]
+        raise InputError(f"body: expected one of {', '.join(bodies)}, got {shown(body)}")
+    largest = float(forces.largest[0].max()) / _GRAVITY if heaviest is None else heaviest
+    mass, length = positive("heaviest", largest, InputError), positive("size", size, InputError)
+    first = forces.names.index(names[0])
+    columns = forces.rows(states).columns[..., first : first + 10]
+    ball = (
+        0.1 * mass * length**2 * np.array([1.0, 0, 1, 0, 0, 1])
+    )  # a tenth of the mass, all about `size` away
+    design = np.concatenate([[0.1 * mass, 0, 0, 0], ball])
+    doubts = mass * np.concatenate([[1.0], np.full(3, length), np.full(6, length**2)])
+    found = estimate_parameters(columns, difference, design, doubts, noise, names=names)
+    m, moments, six = found.parameters[0], found.parameters[1:4], found.parameters[4:]
+    com = moments / m
+    by = np.column_stack([-com / m, np.eye(3) / m])
+    spread = np.sqrt(np.maximum(np.diag(by @ found.covariance[:4, :4] @ by.T), 0.0))
+    xx, xy, yy, xz, yz, zz = six
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    inertia = about - m * (com @ com * np.eye(3) - np.outer(com, com))
+    return PayloadEstimate(float(m), float(found.deviations[0]), com, spread, inertia, found)

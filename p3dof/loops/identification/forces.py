@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array, positive
+from p3dof._base.checks import FloatArray, frozen_array, positive, shown
 from p3dof._base.errors import InputError, ModelError
 from p3dof.loops.assembly import Limits
 from p3dof.loops.coordinates import length_coordinates
@@ -89,6 +89,10 @@ class IdentifiableForces(Protocol):
         """Return by how much limits are exceeded, each over its size, (N, K): at most zero within."""
 
     limits: tuple[str, ...]  # K names of what `excess` has
+
+    @property
+    def largest(self) -> tuple[FloatArray, FloatArray]:
+        """Largest forces and speeds (m,) of the actuators."""
 
     def corrected(self, parameters: ArrayLike) -> Any:
         """Return the same robot or machine with these parameters (P,)."""
@@ -351,3 +355,114 @@ def require_possible(body: str, ten: FloatArray) -> None:
     scale = np.sqrt(np.maximum(np.diag(pseudo), np.finfo(float).tiny))
     if np.diag(pseudo).min() < 0 or np.linalg.eigvalsh(pseudo / np.outer(scale, scale)).min() < -1e-9:
         raise InputError(f"parameters: no body has the mass, mass centre and inertia of {body}")
+
+
+EXTRAS = ("stribeck", "load_friction", "constant", "offset")
+"""What `ExtendedForces` may add."""
+_LOAD_FRICTION, _CONSTANT, _OFFSET = 0.05, 0.05, 0.01
+"""Standard deviations of these by default: two shares of the force, and a share of the largest force."""
+_RUBBING = 1e-3  # speed over which Coulomb friction changes its sign [m/s or rad/s], as in `JointData`
+
+
+class ExtendedForces:
+    """Forces with what a model of bodies and simple friction lacks, at each actuator.
+
+    With the speed v and the force f of the actuator, and s(v) = tanh(v / 0.001),
+
+    - ``stribeck``: friction that falls as the joint begins to move, exp(-(v / v_s)²) s(v) [N or N m];
+    - ``load_friction``: friction in proportion to the load, |f| s(v), as of screws and gears [-];
+    - ``constant``: by what share the motor's constant is larger than was taken for the measured force [-];
+    - ``offset``: of the measured force [N or N m].
+
+    The second and third are not linear: f is that of the design, or `at` other parameters, as of an estimate
+    before.
+
+    Parameters
+    ----------
+    forces : LoopForces or MachineForces
+        Of the robot or machine.
+    extras : sequence of str
+        Which of these.
+    stribeck_speed : float
+        v_s [m/s or rad/s].
+    at : (P,) array, optional
+        Parameters at which forces are taken, those of `forces` alone or with extras.
+
+    Raises
+    ------
+    InputError
+        If there is no such extra, or the speed is not positive.
+    """
+
+    def __init__(
+        self,
+        forces: IdentifiableForces,
+        extras: Sequence[str] = EXTRAS,
+        stribeck_speed: float = 0.01,
+        at: ArrayLike | None = None,
+    ) -> None:
+        for name in extras:
+            if name not in EXTRAS:
+                raise InputError(f"extras: expected some of {', '.join(EXTRAS)}, got {shown(name)}")
+        self._forces, self._extras = forces, tuple(dict.fromkeys(extras))
+        self._speed = positive("stribeck_speed", stribeck_speed, InputError)
+        own = len(forces.design)
+        self.actuators, self.coordinates, self.home = forces.actuators, forces.coordinates, forces.home
+        self.position_units, self.force_units = forces.position_units, forces.force_units
+        self.coordinate_units, self.limits = forces.coordinate_units, forces.limits
+        added = tuple(f"{name}.{extra}" for extra in self._extras for name in forces.actuators)
+        self.names: tuple[str, ...] = (*forces.names, *added)
+        self.design: FloatArray = np.append(forces.design, np.zeros(len(added)))
+        self._at = forces.design if at is None else frozen_array("at", at, np.shape(at))[:own]
+        if self._at.shape != forces.design.shape:
+            raise InputError(f"at: expected {own} parameters or more, got {len(self._at)}")
+        self.largest = forces.largest
+
+    def deviations(
+        self,
+        mass: float = MASS,
+        shift: float = SHIFT,
+        other: float = OTHER,
+        coulomb: float = COULOMB,
+        viscous: float = VISCOUS,
+    ) -> FloatArray:
+        """Return the prior: standard deviations about the design, as `LoopForces.deviations`."""
+        force, _ = self.largest
+        sizes = {
+            "stribeck": coulomb * force,
+            "load_friction": np.full_like(force, _LOAD_FRICTION),
+            "constant": np.full_like(force, _CONSTANT),
+            "offset": _OFFSET * force,
+        }
+        own = self._forces.deviations(mass, shift, other, coulomb, viscous)
+        return np.concatenate([own, *(sizes[extra] for extra in self._extras)])
+
+    def from_actuators(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> States:
+        """Return the states at positions, velocities and accelerations (N, m) of the actuators."""
+        return self._forces.from_actuators(positions, velocities, accelerations)
+
+    def from_coordinates(self, values: ArrayLike, rates: ArrayLike, accelerations: ArrayLike) -> States:
+        """Return the states at values (N, n) of the coordinates and their derivatives."""
+        return self._forces.from_coordinates(values, rates, accelerations)
+
+    def rows(self, states: States) -> Rows:
+        """Return the forces as functions of the parameters."""
+        own, v = self._forces.rows(states), states.velocities
+        load, sign = own.columns @ self._at + own.known, np.tanh(v / _RUBBING)
+        kinds = {
+            "stribeck": np.exp(-((v / self._speed) ** 2)) * sign,
+            "load_friction": np.abs(load) * sign,
+            "constant": -load,
+            "offset": np.ones_like(v),
+        }
+        added = [kinds[extra][..., None] * np.eye(v.shape[1]) for extra in self._extras]
+        return Rows(np.concatenate([own.columns, *added], axis=-1), own.known)
+
+    def excess(self, states: States) -> FloatArray:
+        """Return by how much limits are exceeded, each over its size, (N, K): at most zero within."""
+        return self._forces.excess(states)
+
+    def corrected(self, parameters: ArrayLike) -> Any:
+        """Return the robot or machine with these parameters; the extras are none of it."""
+        values = frozen_array("parameters", parameters, (len(self.names),))
+        return self._forces.corrected(values[: len(self._forces.design)])
