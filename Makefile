@@ -82,13 +82,13 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto --dist worksteal
 
-# Of tests over about four seconds, the cases whose fact a quicker one also holds.
+# Of tests over about four seconds, the cases whose fact a quicker one also holds; what was measured to take over two.
 slow: $(DEV) ## the tests that `make test` leaves out, for they take long, and the notebooks
-	$(BIN)/pytest -n auto --dist worksteal -m slow tests
+	$(BIN)/pytest -n auto --dist worksteal -m 'slow or long' tests
 	$(BIN)/pytest -n auto notebooks
 
 durations: $(DEV) ## all tests, and measure anew which ones are quick
-	$(BIN)/pytest -n auto --dist worksteal --measure
+	$(BIN)/pytest -n auto --dist worksteal --measure -m 'not fuzz and not slow'
 
 # What takes the level of the processor and is quick, at each lower level: `make test` has the best one. BLAS is then that
 # of processors which end there. Tests with the level as a parameter have them all already.

@@ -110,6 +110,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     items.sort(key=durations.longest_first())
+    if not config.getoption("--measure"):
+        durations.mark_long(items)
     if config.getoption("--quick"):
         durations.deselect_slow(config, items)
 

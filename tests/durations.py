@@ -11,7 +11,8 @@ import contextlib
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ import pytest
 TABLE = Path(__file__).with_name("durations.txt")
 BUDGET = 30.0
 """Processor time of all quick tests together [s]."""
+LONGEST = 2.0
+"""Processor time of one test, all its cases together, that `make test` runs at most [s]."""
 KEPT = 0.1
 """Tests of less have no row of their own [s]."""
 LONG = ("tests/interop/",)
@@ -77,6 +80,18 @@ def slow(times: Mapping[str, float], budget: float) -> set[str]:
         if left < 0:
             found.add(name)
     return found
+
+
+def mark_long(items: Iterable[pytest.Item]) -> None:
+    """Mark tests of more than `LONGEST`; of one with cases, those that do not fit in: one case stays at least."""
+    times, cases = read(), Counter(name_of(item.nodeid) for item in items)
+    run = dict.fromkeys(cases, 0)
+    for item in items:
+        name = name_of(item.nodeid)
+        fit = int(cases[name] * LONGEST / max(times.get(name, 0.0), 1e-9))
+        if run[name] >= max(fit, int(cases[name] > 1)):
+            item.add_marker("long")
+        run[name] += 1
 
 
 class Measuring:
