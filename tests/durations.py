@@ -83,7 +83,7 @@ def slow(times: Mapping[str, float], budget: float) -> set[str]:
 
 
 def mark_long(items: Iterable[pytest.Item]) -> None:
-    """Mark tests of more than `LONGEST`; of one with cases, those that do not fit in: one case stays at least."""
+    """Mark tests of more than `LONGEST`; of one with cases, those that do not fit in, but never all."""
     times, cases = read(), Counter(name_of(item.nodeid) for item in items)
     run = dict.fromkeys(cases, 0)
     for item in items:

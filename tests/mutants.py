@@ -259,7 +259,7 @@ TESTS = {
         "pareto",
     ),
     "p3dof/design/optimisation/robust.py": ("robust",),
-    "p3dof/design/optimisation/of_motion.py": (
+    "p3dof/design/optimisation/measures.py": (
         "optimisation",
         "study_numbers",
         "optima",
@@ -274,7 +274,7 @@ TESTS = {
         "workspace_maps",
     ),
     "p3dof/analysis/workspace/largest.py": ("largest_boxes",),
-    "p3dof/analysis/workspace/tables.py": ("largest_boxes", "study_numbers", "cli_workspace"),
+    "p3dof/analysis/workspace/workspace.py": ("largest_boxes", "study_numbers", "cli_workspace"),
     "p3dof/analysis/indices/": ("indices",),
     "p3dof/analysis/indices/definitions.py": ("workspace_maps", "indices"),
     "p3dof/design/tasks/": ("tasks", "fastest", "fastest_jerk"),

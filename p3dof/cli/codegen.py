@@ -19,9 +19,9 @@ from p3dof.codegen.controller import MARK, controller_files, origin_of
 from p3dof.codegen.gpu import cuda_files
 from p3dof.codegen.naming import PREFIX, checked_prefix, command_of
 from p3dof.codegen.printing import operation_counts
-from p3dof.codegen.wasm_build import WebFiles
 from p3dof.codegen.web_controller import DIRECTORY as PAGE
 from p3dof.codegen.web_controller import controller_module, page_wasm
+from p3dof.codegen.webassembly import WebFiles
 from p3dof.machine.parameters import Body, Parameters
 
 

@@ -34,7 +34,7 @@ from p3dof.cli.output import print_plain, say
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from p3dof.codegen.wasm_build import WebFiles
+    from p3dof.codegen.webassembly import WebFiles
 
 STREAM = Path("-")
 """Stands for the standard input or output."""

@@ -12,10 +12,20 @@ from collections.abc import Sequence
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced.dynamics import JOINTS
 from p3dof.closed_form.kinematics.inverse import JOINTS as ALL_JOINTS
-from p3dof.codegen.frame import INDENT, Argument, Prototype, definition, indented, leave, with_build
+from p3dof.codegen.frame import (
+    INDENT,
+    SINGLE,
+    Argument,
+    Precision,
+    Prototype,
+    definition,
+    indented,
+    leave,
+    precision_of,
+    with_build,
+)
 from p3dof.codegen.machine import ACTUATORS, GIVEN, body_names, limit_row, machine_numbers, parameter_row
 from p3dof.codegen.naming import CPU, PREFIX, checked_prefix, command_of, fill, fingerprint, origin, renamed
-from p3dof.codegen.precision import SINGLE, Precision, precision_of
 from p3dof.codegen.printing import Printer, home_depth, prepare_code
 from p3dof.codegen.routines import Routine, routines
 from p3dof.codegen.selftest import selftest

@@ -13,9 +13,21 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError, ModelError, P3dofError
-from p3dof.codegen.frame import INDENT, Argument, Prototype, definition, groups, indented, leave, with_build
+from p3dof.codegen.frame import (
+    DOUBLE,
+    INDENT,
+    SINGLE,
+    Argument,
+    Precision,
+    Prototype,
+    definition,
+    groups,
+    indented,
+    leave,
+    precision_of,
+    with_build,
+)
 from p3dof.codegen.naming import CPU, checked_prefix, fill, fingerprint, number_table, origin, wave
-from p3dof.codegen.precision import DOUBLE, SINGLE, Precision, precision_of
 from p3dof.codegen.webassembly import Exported, WebModule
 from p3dof.loops import ClosedLoopModel, CompiledLoop
 from p3dof.loops.assembly import Limits

@@ -13,7 +13,7 @@ from p3dof._base.tracing.c import statements, text
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Actuated
 from p3dof.closed_form.compiled.reduced.dynamics import FRICTION
-from p3dof.codegen.frame import indented, leave
+from p3dof.codegen.frame import DOUBLE, Precision, indented, leave
 from p3dof.codegen.machine import (
     MACHINE,
     NOT_NUMBERS,
@@ -23,7 +23,6 @@ from p3dof.codegen.machine import (
     preparation,
     replay,
 )
-from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.routines import LOAD, Routine, routines
 from p3dof.machine.parameters import Parameters
 

@@ -17,9 +17,8 @@ from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import ACCELERATION, FORCES, MODEL, POSE, VELOCITY
 from p3dof.closed_form.compiled.reduced import Model, Shape, State
 from p3dof.closed_form.compiled.reduced.dynamics import FRICTION, TOGETHER, generalized_friction
-from p3dof.codegen.frame import Argument, Prototype
+from p3dof.codegen.frame import DOUBLE, Argument, Prototype
 from p3dof.codegen.machine import MACHINE
-from p3dof.codegen.precision import DOUBLE
 
 LOAD = ("load_y", "load_z", "load_theta")
 WRENCH = ("", "w_y", "w_z", "", "w_theta", "")

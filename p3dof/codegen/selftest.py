@@ -24,9 +24,8 @@ from p3dof.closed_form.compiled.reduced import fold
 from p3dof.closed_form.paper.formulas import Lengths
 from p3dof.closed_form.paper.friction import NO_ACTUATION, NO_LOSSES, actuation_of, losses_of
 from p3dof.closed_form.paper.virtual_power import NO_WRENCH, Wrench, actuator_forces, generalized_forces
-from p3dof.codegen.frame import INDENT, Argument, Prototype, groups
+from p3dof.codegen.frame import DOUBLE, INDENT, Argument, Precision, Prototype, groups
 from p3dof.codegen.naming import number_table
-from p3dof.codegen.precision import DOUBLE, Precision
 from p3dof.codegen.routines import routines
 from p3dof.machine.motion import states_of
 from p3dof.machine.parameters import LINKS, SLIDES, Parameters

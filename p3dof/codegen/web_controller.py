@@ -9,8 +9,7 @@ from p3dof.closed_form.compiled.reduced.dynamics import JOINTS
 from p3dof.codegen.controller import MARK, controller_files, origin_of, prototypes
 from p3dof.codegen.machine import ACTUATORS
 from p3dof.codegen.naming import PREFIX, fill
-from p3dof.codegen.wasm_build import WebFiles
-from p3dof.codegen.webassembly import Exported, WebModule
+from p3dof.codegen.webassembly import Exported, WebFiles, WebModule
 from p3dof.machine.parameters import LINKS, PAPER, SLIDES
 
 _STATUSES = (

@@ -8,7 +8,7 @@ from .registry import DEFAULT_METHOD, METHODS, Machine, Method, Methods, check_m
 from .results import InverseDynamics, evidence_table, forces_table, limits_table, with_evidence
 from .solution import CoulombLimits, JointStates, Solution, without_crossings
 from .utilisation import Exceedance, Utilisation, exceedances_of, utilisations
-from .way import DynamicsMethod
+from .registry import DynamicsMethod
 from .comparison import Opinion
 from .compiled import ForceDerivatives
 from .regressor import ForceRegressor

@@ -23,7 +23,7 @@ from p3dof.analysis.reactions import (
     reactions_table,
     read_stiffness,
 )
-from p3dof.analysis.reactions.joints import cuts
+from p3dof.analysis.reactions.results import cuts
 from p3dof.cli import main
 from p3dof.loops import ReactionSolver
 from p3dof.loops.compliance import JointCompliance, beam

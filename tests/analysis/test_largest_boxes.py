@@ -118,7 +118,7 @@ def test_boxes_need_not_have_home_in_them() -> None:
         space.largest_box((-3.0, 0.0))
 
 
-@shows("p3dof.analysis.workspace.tables.box_table")
+@shows("p3dof.analysis.workspace.workspace.box_table")
 def test_the_table_has_both_boxes_and_says_which_is_which() -> None:
     space = space_of("tilted")
     table = box_table(space)

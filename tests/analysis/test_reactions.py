@@ -36,8 +36,7 @@ from p3dof.analysis.reactions import (
     over_motion,
     reactions_table,
 )
-from p3dof.analysis.reactions.joints import cuts
-from p3dof.analysis.reactions.results import JointReaction, loads_of
+from p3dof.analysis.reactions.results import JointReaction, cuts, loads_of
 from p3dof.cli import main
 from p3dof.cli.output import rich_table
 from p3dof.closed_form import kinematics

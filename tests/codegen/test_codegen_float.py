@@ -32,7 +32,7 @@ from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.codegen import controller
 from p3dof.codegen import selftest as reference
 from p3dof.codegen.controller import controller_files, prototypes
-from p3dof.codegen.precision import SINGLE
+from p3dof.codegen.frame import SINGLE
 from p3dof.codegen.routines import routines
 from p3dof.codegen.selftest import size_of, tolerances
 from p3dof.machine.parameters import PAPER, SOLIDS, Body, Friction

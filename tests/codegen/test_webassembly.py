@@ -18,13 +18,13 @@ from gallery import GALLERY
 from generated_c import WARNINGS, general
 
 import p3dof
+import p3dof.codegen.webassembly as builder
 from p3dof import PAPER
-from p3dof.codegen import wasm_build
 from p3dof.codegen.controller import controller_files
 from p3dof.codegen.loops import loop_files
 from p3dof.codegen.selftest import reference
-from p3dof.codegen.wasm_build import WebFiles, webassembly
 from p3dof.codegen.web_controller import controller_module
+from p3dof.codegen.webassembly import WebFiles, webassembly
 from p3dof.machine.parameters import LINKS, SLIDES, Body
 
 TOOLS = ("clang", "wasm-ld", "node")
@@ -331,7 +331,7 @@ def test_a_motion_is_followed(tmp_path):
 def test_its_own_mathematics(tmp_path):
     """Sines and the others are not those of a C library: within two units in the last place of 60 digits."""
     names = {"sin": 1, "cos": 1, "tanh": 1, "atan2": 2, "hypot": 2}
-    for name, text in wasm_build.mathematics("").items():
+    for name, text in builder.mathematics("").items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     renamed = [f"-D{name}=own_{name}" for name in (*names, "memcpy", "memset")]
@@ -370,7 +370,7 @@ def test_the_same_input_gives_the_same_bytes(machine):
     assert again == (machine / "p3dof.wasm").read_bytes()
     assert len(again) < 50_000
     told = node(machine, "p3dof", [])["told"]
-    assert told["compiler"] == wasm_build._version("clang")
+    assert told["compiler"] == builder._version("clang")
     assert len(told["sources"]) == 64
 
 
@@ -419,7 +419,7 @@ def test_on_the_command_line(capsys, tmp_path, prefix, command):
 
 
 def test_without_clang_nothing_is_written(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(wasm_build.shutil, "which", lambda _: None)
+    monkeypatch.setattr(builder.shutil, "which", lambda _: None)
     for command in (("codegen",), ("loop", "codegen", str(GALLERY / "four_bar.urdf"))):
         status, _, error = run(capsys, *command, "--wasm", "--out", str(tmp_path / "out"))
         assert (status, error.count("\n")) == (2, 1)
@@ -433,7 +433,7 @@ def test_a_clang_without_webassembly_is_told(capsys, tmp_path, monkeypatch):
         "#!/bin/sh\necho \"error: unable to create target: 'No available targets wasm32'\" >&2\nexit 1\n"
     )
     old.chmod(0o755)
-    monkeypatch.setattr(wasm_build, "tools", lambda: (str(old), str(old)))
+    monkeypatch.setattr(builder, "tools", lambda: (str(old), str(old)))
     status, _, error = run(capsys, "codegen", "--wasm", "--out", str(tmp_path / "out"))
     assert (status, error.count("\n")) == (2, 1)
     assert "knows no WebAssembly" in error

@@ -288,7 +288,7 @@ def test_the_table_of_a_front_has_machines_of_even_widths() -> None:
     check_table(table, rows, title=(3, "designs"))
 
 
-@shows("p3dof.analysis.workspace.tables.workspace_table")
+@shows("p3dof.analysis.workspace.workspace.workspace_table")
 def test_sizes_of_a_workspace_are_sums_over_fine_grids() -> None:
     r, R, L = 0.14, 0.32, 0.55
     robot = p3dof.load(replace(PAPER, geometry=replace(PAPER.geometry, r=r, R=R, L=L)))

@@ -20,8 +20,8 @@ from p3dof.cli.loop import codegen as loop_codegen
 from p3dof.cli.loop.simulate import _table as run_table
 from p3dof.cli.workspace import _table as means_tables
 from p3dof.codegen.batch import DIRECTORY
+from p3dof.codegen.frame import DOUBLE
 from p3dof.codegen.machine import parameter_row
-from p3dof.codegen.precision import DOUBLE
 from p3dof.codegen.printing import Printer, machine_numbers
 from p3dof.codegen.routines import routines
 from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
@@ -36,7 +36,7 @@ from p3dof.loops.tables import (
     motors_table,
     overview,
 )
-from p3dof.machine.motion.tables import motion_table
+from p3dof.machine.motion.core import motion_table
 from p3dof.machine.parameters import Body, Geometry, Limits, Parameters
 from p3dof.machine.parameters.tables import parameter_tables, payload_table
 from p3dof.methods import InverseDynamics, JointStates
@@ -273,7 +273,7 @@ def test_the_table_of_limits(result):
     check_table(limits_table(result, limits), rows)
 
 
-@shows("p3dof.machine.motion.tables.motion_table")
+@shows("p3dof.machine.motion.core.motion_table")
 def test_the_table_of_a_motion():
     motion, loads = moving(), VALUES.normal(0, 50, (5, 6))
     rows = {}

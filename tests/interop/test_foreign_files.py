@@ -17,7 +17,7 @@ from p3dof.loops import ClosedLoopModel, Sidecar
 from p3dof.machine import description
 from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import PAPER, Bodies, Body, Geometry, read_parameters, write_parameters
-from p3dof.machine.parameters.named import of_solids
+from p3dof.machine.parameters.machine import of_solids
 
 READERS = {
     "urdf": ClosedLoopModel.from_urdf,

@@ -71,7 +71,10 @@ def test_what_least_squares_alone_makes_of_60_ms(machines):
     assert np.sqrt((wrong**2).mean()) > 20
 
 
-@shows("p3dof.loops.identification.estimates.ParameterEstimate.residual")
+@shows(
+    "p3dof.loops.identification.estimates.ParameterEstimate.residual",
+    "p3dof.loops.identification.estimates.ParameterEstimate.residuals",
+)
 def test_it_is_the_posterior_of_two_normal_distributions():
     """By the formulas of the text book with plain inverses: the problem is small and well conditioned."""
     rng = np.random.default_rng(5)
@@ -86,6 +89,7 @@ def test_it_is_the_posterior_of_two_normal_distributions():
     forces, spread = found.predicted(A[:2])
     np.testing.assert_allclose(forces, A[:2] @ mean, rtol=1e-12)
     np.testing.assert_allclose(spread**2, np.diag(A[:2] @ np.linalg.inv(precision) @ A[:2].T), rtol=1e-10)
+    check_evidence(found, "residuals", (measured - A @ mean).reshape(6, 2), rtol=1e-11)
     check_evidence(found, "residual", np.sqrt(((A @ mean - measured) ** 2).mean()), rtol=1e-12)
 
 

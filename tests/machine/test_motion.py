@@ -16,8 +16,8 @@ from p3dof._base.errors import FileError, InputError, MotionError, P3dofError
 from p3dof._base.time_series import csv_files
 from p3dof._base.time_series import smoothing as splines
 from p3dof.machine.motion import Motion, WrenchHistory, paper_motion
-from p3dof.machine.motion.consistency import MINIMUM
 from p3dof.machine.motion.core import load_along, natural_ramp
+from p3dof.machine.motion.curve import MINIMUM
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=60)
 HEADER = "t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot"

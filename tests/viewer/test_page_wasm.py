@@ -12,7 +12,7 @@ from page_machines import COUNTS, MACHINES, known
 import p3dof
 from p3dof.closed_form import kinematics
 from p3dof.codegen import web_controller as page_wasm
-from p3dof.codegen.wasm_build import compiler_here, section_of
+from p3dof.codegen.webassembly import compiler_here, section_of
 from p3dof.viewer.machine.document import engine_row
 
 BOUND = 1e-12

@@ -1,8 +1,15 @@
 """Performance indices at poses and over workspaces: how well a machine moves, holds and withstands."""
 
 from p3dof.analysis.indices.definitions import COLUMNS, DEFINITIONS, Definition, write_dataset
-from p3dof.analysis.indices.results import DRIVE, STEEL_RODS, Indices, IndicesMachine, check_names, columns_of
-from p3dof.analysis.indices.tables import indices_table
+from p3dof.analysis.indices.results import (
+    DRIVE,
+    STEEL_RODS,
+    Indices,
+    IndicesMachine,
+    check_names,
+    columns_of,
+    indices_table,
+)
 
 __all__ = [
     "COLUMNS",

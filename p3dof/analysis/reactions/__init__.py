@@ -39,7 +39,7 @@ from p3dof.analysis.reactions.comparison import (
     reactions_table,
 )
 from p3dof.analysis.reactions.evaluation import of_result, of_solution, over_motion
-from p3dof.analysis.reactions.joints import (
+from p3dof.analysis.reactions.results import (
     ALL,
     IDEALISATIONS,
     JOINTS,
@@ -47,10 +47,14 @@ from p3dof.analysis.reactions.joints import (
     Choice,
     Idealisation,
     Joint,
+    JointLoad,
+    JointReaction,
+    OpenPeak,
+    Peak,
+    Reactions,
     Way,
     ways_of,
 )
-from p3dof.analysis.reactions.results import JointLoad, JointReaction, OpenPeak, Peak, Reactions
 from p3dof.analysis.reactions.stiffness import (
     HingeStiffness,
     Misfit,

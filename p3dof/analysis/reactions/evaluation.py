@@ -10,8 +10,17 @@ from p3dof._base.checks import FloatArray, Progress
 from p3dof._base.errors import SampleError
 from p3dof._base.samples import OnInvalid
 from p3dof.analysis.reactions.comparison import AnyReactions, ReactionsComparison
-from p3dof.analysis.reactions.joints import ALL, JOINTS, Choice, Idealisation, Way, cuts, ways_of
-from p3dof.analysis.reactions.results import Reactions, in_fixed_axes
+from p3dof.analysis.reactions.results import (
+    ALL,
+    JOINTS,
+    Choice,
+    Idealisation,
+    Reactions,
+    Way,
+    cuts,
+    in_fixed_axes,
+    ways_of,
+)
 from p3dof.analysis.reactions.stiffness import Stiffness
 from p3dof.closed_form import kinematics
 from p3dof.loops import ClosedLoopModel, ReactionSolver, reactions_by_each

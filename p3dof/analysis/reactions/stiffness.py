@@ -32,7 +32,7 @@ from p3dof._base.checks import FloatArray, Readable, not_negative, positive, sho
 from p3dof._base.errors import InputError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS, TURNING_STIFFNESS, Quantity
-from p3dof.analysis.reactions.joints import JOINTS, Idealisation, cuts
+from p3dof.analysis.reactions.results import JOINTS, Idealisation, cuts
 from p3dof.loops.compliance import JointCompliance, beam
 from p3dof.machine.parameters import STEEL_DENSITY, Parameters
 from p3dof.machine.parameters.machine import named, read_fields

@@ -25,8 +25,7 @@ from p3dof.analysis.workspace.margins import (
     box_margins,
 )
 from p3dof.analysis.workspace.region import Points
-from p3dof.analysis.workspace.tables import box_table, plain_workspace, workspace_table
-from p3dof.analysis.workspace.workspace import Workspace
+from p3dof.analysis.workspace.workspace import Workspace, box_table, plain_workspace, workspace_table
 
 __all__ = [
     "Aspects",

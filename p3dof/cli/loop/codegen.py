@@ -16,7 +16,7 @@ from p3dof.cli.loop.robot import with_robot
 from p3dof.cli.output import print_written, show
 from p3dof.codegen.loops import MARK, loop_files
 from p3dof.codegen.naming import command_of
-from p3dof.codegen.wasm_build import WebFiles
+from p3dof.codegen.webassembly import WebFiles
 from p3dof.loops import ClosedLoopModel
 
 

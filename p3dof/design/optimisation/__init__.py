@@ -1,7 +1,7 @@
 """Which machine would be better: variables, objectives, constraints, and the ways to optima.
 
 - `variables`, `box`, `constraints`, `bounds`: what may change, which poses count, what must be kept.
-- `measure`, `of_motion`, `of_poses`, `of_solids`, `measures`: what designs are measured by, with gradients.
+- `measure`, `measures`: what designs are measured by, with gradients.
 - `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
 - `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.
 - `optimum`, `checking`, `tables`: what was found, and a second look at it.

@@ -14,7 +14,7 @@ from p3dof.analysis.designs.columns import OFFSETS
 from p3dof.design.optimisation.constraints import amount
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
-from p3dof.design.optimisation.of_poses import loop_of
+from p3dof.design.optimisation.measures import loop_of
 from p3dof.design.optimisation.population import Population
 from p3dof.design.optimisation.statement import Statement
 from p3dof.machine.motion.states import states_over

@@ -2,10 +2,9 @@
 
 from p3dof._base.time_series.smoothing import SmoothingFit
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
-from p3dof.machine.motion.core import Motion, paper_motion
+from p3dof.machine.motion.core import Motion, motion_table, paper_motion
 from p3dof.machine.motion.curve import Curve
 from p3dof.machine.motion.states import States, states_of, states_over
-from p3dof.machine.motion.tables import motion_table
 
 __all__ = [
     "Curve",

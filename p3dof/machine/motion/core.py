@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, positive, shown
 from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text, suffix_of, write_atomic
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
 from p3dof._base.time_series import csv_files, smoothing
 from p3dof._base.time_series.smoothing import Smooth, checked, eased
 from p3dof._base.time_series.times import (
@@ -30,8 +30,7 @@ from p3dof._base.time_series.times import (
     set_times,
 )
 from p3dof._base.time_series.wrenches import WrenchHistory
-from p3dof.machine.motion.consistency import check_consistency
-from p3dof.machine.motion.curve import AT_REST, Curve, is_rough, remarks_on_curve
+from p3dof.machine.motion.curve import AT_REST, Curve, check_consistency, is_rough, remarks_on_curve
 
 _JOINT_TOLERANCE = 1e-9
 """By how much poses [m, rad] and velocities [m/s, rad/s] may differ where two motions are joined."""
@@ -57,7 +56,7 @@ class Motion(FrozenArrays, ShownInNotebook):
         Their second derivatives [m/s², rad/s²].
     check : bool
         Whether to check that velocity and acceleration are the derivatives of the pose, to 1e-3 of each
-        column's largest value (`p3dof.machine.motion.consistency` has the details). The check finds wrong
+        column's largest value (`p3dof.machine.motion.curve` has the details). The check finds wrong
         units, swapped columns and wrong samples. Columns that hardly move (derivatives below 1e-6 in SI
         units) pass unless they are 1e-9 apart, and fewer than 6 samples always pass.
     curve : Curve, optional
@@ -294,13 +293,13 @@ class Motion(FrozenArrays, ShownInNotebook):
         for motion in motions:
             if not isinstance(motion, Motion):
                 raise MotionError(f"motions: expected Motion objects, got {shown(motion)}")
-        for number, (former, latter) in enumerate(pairwise(motions), start=1):
+        for count, (former, latter) in enumerate(pairwise(motions), start=1):
             for name in ("pose", "velocity"):
                 end, begin = getattr(former, name)[-1], getattr(latter, name)[0]
                 if np.abs(end - begin).max() > _JOINT_TOLERANCE:
                     raise MotionError(
-                        f"motions: expected number {number + 1} to begin with the {name} {end.tolist()} "
-                        f"that number {number} ends with, got {begin.tolist()}"
+                        f"motions: expected number {count + 1} to begin with the {name} {end.tolist()} "
+                        f"that number {count} ends with, got {begin.tolist()}"
                     )
         first, rest = motions[0], motions[1:]
         times, end = [first.time], first.time[-1]
@@ -532,3 +531,40 @@ def paper_motion(samples: int = 1001) -> Motion:
     return Motion(
         t, np.column_stack(pose), np.column_stack(velocity), np.column_stack(acceleration), check=False
     )
+
+
+def motion_table(motion: Motion, wrench: FloatArray | None = None) -> Table:
+    """Return how far, how fast and how hard the platform moves, and what loads it."""
+    names = (("y [m], per s, per s²", 0), ("z [m], per s, per s²", 1), ("θ [rad], per s, per s²", 2))
+    rows = {
+        name: (
+            motion.pose[:, k].min(),
+            motion.pose[:, k].max(),
+            np.abs(motion.velocity[:, k]).max(),
+            np.abs(motion.acceleration[:, k]).max(),
+        )
+        for name, k in names
+    }
+    note = (
+        f"{len(motion)} samples over {number(motion.duration)} s."
+        f"{f' T{counted_told(motion.start)[1:]}.' if motion.start else ''}"
+        f"{'' if wrench is None else _loads(wrench)}"
+    )
+    header = ("platform", "lowest", "highest", "largest speed", "largest acceleration")
+    return table_of("Motion", header, rows, note)
+
+
+@html_of.register(Motion)
+def motion_html(motion: Motion) -> str:
+    """Return how a notebook shows a motion, as HTML."""
+    span = f"from {number(motion.time[0])} to {number(motion.time[-1])} s"
+    return notebook_html("Motion", f"{len(motion)} samples, {span}", [motion_table(motion)])
+
+
+def _loads(wrench: FloatArray) -> str:
+    """Return the largest load in words."""
+    largest = np.abs(wrench).max(axis=0)
+    if not largest.any():
+        return " No external load."
+    force, moment = (", ".join(number(value) for value in part) for part in (largest[:3], largest[3:]))
+    return f" Largest external force and moment at P, by components: {force} N; {moment} N m."

@@ -7,8 +7,14 @@ given; `dataclasses.replace` makes variants.
 
 from p3dof.machine.parameters.actuators import Actuators, Friction, Geometry, Limits
 from p3dof.machine.parameters.body import LEGS, LINKS, PASSIVE, PLATFORM, SLIDES, Bodies, Body
-from p3dof.machine.parameters.machine import Parameters, read_parameters, write_parameters
-from p3dof.machine.parameters.named import PAPER, SOLIDS, of_solids
+from p3dof.machine.parameters.machine import (
+    PAPER,
+    SOLIDS,
+    Parameters,
+    of_solids,
+    read_parameters,
+    write_parameters,
+)
 from p3dof.machine.parameters.solids import STEEL_DENSITY, Dimensions, box, cylinder, rounded_plate
 from p3dof.machine.parameters.tables import machine_html, parameter_tables, payload_table
 

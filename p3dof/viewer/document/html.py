@@ -13,7 +13,7 @@ from typing import Any
 
 from p3dof._base.errors import FileError
 from p3dof._base.files import suffix_of, write_atomic
-from p3dof.codegen.wasm_build import section_of
+from p3dof.codegen.webassembly import section_of
 
 _PLACES = ("@@TITLE@@", "@@ENGINE@@", "@@DOCUMENT@@")
 """What is filled in, in the order of the template."""

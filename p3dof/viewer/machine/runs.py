@@ -10,7 +10,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
 from p3dof.analysis.reactions import AnyReactions, how_chosen
-from p3dof.analysis.reactions.joints import JOINTS
+from p3dof.analysis.reactions.results import JOINTS
 from p3dof.machine.motion import Motion, states_of
 from p3dof.machine.parameters import PLATFORM, SLIDES
 from p3dof.methods import InverseDynamics, JointStates
