@@ -166,6 +166,9 @@ TESTS = {
     "p3dof/loops/compiled/following.py": ("compiled_loops", "compiled_runs", "robot_runs_in_c"),
     "p3dof/loops/transmission.py": ("transmission",),
     "p3dof/loops/observer.py": ("observer",),
+    "p3dof/loops/identification/calibration.py": ("calibration",),
+    "p3dof/loops/identification/displacements.py": ("calibration",),
+    "p3dof/loops/identification/fitting.py": ("calibration",),
     "p3dof/loops/compliance.py": ("elastic_reactions",),
     "p3dof/loops/coordinates.py": (
         *KINDS,

@@ -38,6 +38,13 @@ from .reactions import (
 from .regressor import BaseParameters, LoopRegressor
 from .results import ForwardDynamics, HybridDynamics, InverseDynamics
 from .robots import load_robot
+from .identification.calibration import (
+    Calibration,
+    MeasurementPlan,
+    Measurements,
+    calibrate,
+    plan_measurements,
+)
 from .sidecar import Closure, Coupling, JointData, MotorSide, Sidecar
 from .transmission import BoundDirection, ForceLimits, MappedMotion, ReflectedDynamics, Transmission
 
@@ -55,6 +62,7 @@ __all__ = [
     "ByForces",
     "ByMotion",
     "ByPrescription",
+    "Calibration",
     "ClosedLoopModel",
     "Closure",
     "ClosureJoint",
@@ -80,6 +88,8 @@ __all__ = [
     "LoopForces",
     "LoopRegressor",
     "MappedMotion",
+    "MeasurementPlan",
+    "Measurements",
     "MinimalDynamics",
     "MomentumObserver",
     "MotorSide",
@@ -92,9 +102,11 @@ __all__ = [
     "State",
     "Transmission",
     "beam",
+    "calibrate",
     "estimate_parameters",
     "estimate_payload",
     "load_robot",
+    "plan_measurements",
     "prior_deviations",
     "reactions_batch",
     "reactions_by_each",

@@ -1,0 +1,358 @@
+"""Nonlinear least squares about a design, what it can tell, what is an outlier, and where to measure.
+
+Measured numbers y have standard deviations σ, parameters p standard deviations s about the design, p = 0. The
+most likely parameters minimise (maximum a posteriori)
+
+    |(f(p) - y) / σ|² + |p / s|²
+
+by Gauss-Newton steps, each of which is shortened until the sum falls. Without s, combinations of parameters
+that no number depends on stay at the design.
+
+References
+----------
+J. Nocedal, S. J. Wright, Numerical Optimization, Springer 2006, section 10.3 (Gauss-Newton).
+W. Baarda, A testing procedure for use in geodetic networks, Delft 1968 (outliers: `outliers_of`).
+V. V. Fedorov, Theory of Optimal Experiments, Academic Press 1972 (exchange: `chosen_poses`).
+J.-H. Borm, C.-H. Menq, Determination of optimal measurement configurations for robot calibration based on
+observability measure, International Journal of Robotics Research 10 (1991) 51-63 (`observability`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.checks import FloatArray, Readable, whole
+from p3dof._base.errors import AssemblyError, InputError, OptimisationError
+
+Rows: TypeAlias = tuple[FloatArray, FloatArray]
+"""Numbers less what was measured (N,), and their derivatives by the parameters (N, P)."""
+
+NONE = 1e-10  # share of the largest singular value below which one is zero
+_STEPS = 60  # most steps
+_SMALL = 1e-9  # length of a step, in deviations of the result, that is the last one: of rounding
+_NEAR = 1e-3  # from where on steps that do not halve are of rounding, too
+_EVEN = 1e-9  # by how much of itself the sum may grow by rounding
+_HALVINGS = 20  # how often a step is shortened
+_LEVEL = 0.05  # chance that one of all numbers is told as an outlier where none is
+_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal number
+_LITTLE = 1e-9  # gain of log det below which no exchange is made
+
+
+@dataclass(frozen=True, eq=False)
+class Combinations(Readable):
+    """What measured numbers tell of parameters."""
+
+    rank: int  # how many combinations of the parameters they tell
+    condition: float  # largest over smallest singular value of these, columns scaled to one
+    singular_values: FloatArray  # (P,): of the scaled columns
+    unseen: tuple[str, ...]  # combinations that change no number, in words: these parameters grow together
+    null_space: FloatArray  # (P - rank, P): the same as numbers
+
+
+def combinations_of(rows: FloatArray, names: Sequence[str]) -> Combinations:
+    """Return what numbers with derivatives (N, P) tell of P parameters."""
+    sizes = np.linalg.norm(rows, axis=0)
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    _, values, directions = np.linalg.svd(rows / sizes, full_matrices=True)
+    values = np.concatenate((values, np.zeros(rows.shape[1] - len(values))))
+    rank = int((values > NONE * values.max(initial=0.0)).sum())
+    null = reduced(directions[rank:] / sizes)
+    condition = float(values[0] / values[rank - 1]) if rank else float("nan")
+    return Combinations(rank, condition, values, tuple(in_words(row, names) for row in null), null)
+
+
+def reduced(rows: FloatArray) -> FloatArray:
+    """Return the same space in rows with a leading one, each alone in its column."""
+    found = rows.copy()
+    done = 0
+    for column in range(found.shape[1]):
+        if done == len(found):
+            break
+        best = done + int(np.abs(found[done:, column]).argmax())
+        if abs(found[best, column]) <= 1e-6 * np.abs(found[done:]).max():
+            continue
+        found[[done, best]] = found[[best, done]]
+        found[done] /= found[done, column]
+        others = np.arange(len(found)) != done
+        found[others] -= np.outer(found[others, column], found[done])
+        done += 1
+    return found
+
+
+def in_words(row: FloatArray, names: Sequence[str]) -> str:
+    """Return a combination of parameters in words."""
+    told = ""
+    for name, number in zip(names, row.tolist(), strict=True):
+        if abs(number) < 1e-6:
+            continue
+        size = "" if abs(abs(number) - 1) < 1e-6 else f"{abs(number):.3g} "
+        sign = ("-" if number < 0 else "") if not told else (" - " if number < 0 else " + ")
+        told += f"{sign}{size}{name}"
+    return told
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most likely parameters."""
+
+    parameters: FloatArray  # (P,)
+    covariance: FloatArray  # (P, P); infinite where nothing is known of a parameter
+    residuals: FloatArray  # (N,): what is left, in standard deviations of the numbers
+    rows: FloatArray  # (N, P): derivatives at the result, likewise
+    tested: (
+        FloatArray  # (N,): residuals over their own standard deviations; zero where nothing checks a number
+    )
+    steps: int  # how many it took
+
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the parameters (P,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the measured numbers, over what was given: about 1 if all is as assumed."""
+        used = self.rows.any(axis=1) | (self.residuals != 0)
+        redundancy = float(np.sum(1.0 - leverage(self.rows[used], self.covariance)))
+        return float(np.sqrt(self.residuals @ self.residuals / redundancy)) if redundancy > NONE else np.nan
+
+
+def fit(evaluate: Callable[[FloatArray], Rows], sigma: FloatArray, tolerances: FloatArray) -> Fit:
+    """Return the most likely parameters about a design.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Takes parameters (P,), returns numbers less what was measured (N,), and their derivatives (N, P).
+    sigma : (N,) array
+        Standard deviations of the measured numbers.
+    tolerances : (P,) array
+        Standard deviations of the parameters about the design, zero; infinite where nothing is known.
+
+    Raises
+    ------
+    OptimisationError
+        If the steps do not end.
+    """
+    known = np.isfinite(tolerances)
+    p: FloatArray = np.zeros(len(tolerances))
+    steps, before = 0, np.inf
+    error, rows = evaluate(p)
+    while True:
+        A, scale = _whitened(rows, sigma, tolerances, known)
+        residuals = np.concatenate((error / sigma, (p / np.where(known, tolerances, 1.0))[known]))
+        U, s, Vt = np.linalg.svd(A, full_matrices=False)
+        seen = s > NONE * s.max(initial=0.0)
+        down = U[:, seen].T @ residuals
+        step = -scale * (Vt[seen].T @ (down / s[seen]))
+        size = float(np.linalg.norm(down))
+        if size <= _SMALL or _NEAR > size > before / 2 or steps == _STEPS:
+            break
+        before, steps = size, steps + 1
+        p, error, rows = _shortened(evaluate, p, step, sigma, tolerances, float(residuals @ residuals))
+    if size > _NEAR:
+        raise OptimisationError(f"calibration: {_STEPS} steps of Gauss-Newton did not converge")
+    covariance = _covariance(Vt, s, seen, scale)
+    white = rows / sigma[:, None]
+    return Fit(p, covariance, error / sigma, white, _tested(error / sigma, white, covariance), steps)
+
+
+def _whitened(
+    rows: FloatArray, sigma: FloatArray, tolerances: FloatArray, known: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of numbers and of the design in units of their deviations, and the columns' scale."""
+    white = rows / sigma[:, None]
+    sizes = np.linalg.norm(white, axis=0)
+    scale = np.where(known, tolerances, 1.0 / np.where(sizes > 0, sizes, 1.0))
+    return np.concatenate((white * scale, np.eye(len(scale))[known])), scale
+
+
+def _shortened(
+    evaluate: Callable[[FloatArray], Rows],
+    p: FloatArray,
+    step: FloatArray,
+    sigma: FloatArray,
+    tolerances: FloatArray,
+    cost: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the parameters after a step, and what they give; the step is halved until the cost falls."""
+    failure: AssemblyError | None = None
+    for halving in range(_HALVINGS):
+        trial = p + 0.5**halving * step
+        try:
+            error, rows = evaluate(trial)
+        except AssemblyError as problem:
+            failure = problem
+            continue
+        now = float(np.sum((error / sigma) ** 2) + np.sum((trial / tolerances) ** 2))
+        if now <= cost * (1 + _EVEN):
+            return trial, error, rows
+    if failure is not None:
+        raise failure
+    return p, *evaluate(p)
+
+
+def _covariance(Vt: FloatArray, s: FloatArray, seen: NDArray[np.bool_], scale: FloatArray) -> FloatArray:
+    half = scale[:, None] * (Vt[seen].T / s[seen])
+    covariance = half @ half.T
+    unknown = (np.abs(Vt[~seen]) > 1e-8).any(axis=0)
+    covariance[unknown, unknown] = np.inf
+    return np.asarray(covariance)
+
+
+def leverage(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return which share of each number's deviation (N,) the parameters take up."""
+    finite = np.where(np.isfinite(covariance), covariance, 0.0)
+    return np.asarray(np.einsum("np,pq,nq->n", rows, finite, rows))
+
+
+def _tested(residuals: FloatArray, rows: FloatArray, covariance: FloatArray) -> FloatArray:
+    free = 1.0 - leverage(rows, covariance)
+    checked = free > 1e-6
+    return np.where(checked, residuals / np.sqrt(np.where(checked, free, 1.0)), 0.0)
+
+
+def outliers_of(found: Fit, tolerances: FloatArray) -> list[int]:
+    """Return which numbers do not fit to the others, the worst first.
+
+    The largest residual over its own deviation is an outlier if chance brings it in one of twenty
+    calibrations at most; it is taken out, the rest is solved again to first order, and so on. Where noise is
+    larger than what was given, their median is the measure.
+    """
+    from scipy.stats import norm  # not at start-up
+
+    residuals, rows = found.residuals.copy(), found.rows
+    left, outliers = np.ones(len(residuals), dtype=bool), []
+    precision = np.where(np.isfinite(tolerances), tolerances, np.inf) ** -2.0
+    critical = float(norm.ppf(1 - _LEVEL / (2 * len(residuals))))
+    offset = found.parameters
+    while left.sum() > max(len(residuals) // 2, 1):
+        A = np.concatenate((rows[left], np.diag(np.sqrt(precision))))
+        b = np.concatenate((residuals[left], np.sqrt(precision) * offset))
+        change = -np.linalg.lstsq(A, b, rcond=NONE)[0]
+        covariance = np.linalg.pinv(A.T @ A, rcond=NONE**1.5, hermitian=True)
+        tested = np.where(left, np.abs(_tested(residuals + rows @ change, rows, covariance)), 0.0)
+        unit = max(1.0, float(np.median(tested[left])) / _MEDIAN)
+        worst = int(tested.argmax())
+        if tested[worst] <= critical * unit:
+            break
+        left[worst] = False
+        outliers.append(worst)
+    return outliers
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Poses that were chosen of many."""
+
+    poses: NDArray[np.int_]  # (K,): which, in rising order
+    deviations: FloatArray  # (P,): of the parameters after they were measured; infinite where not told
+    observability: float  # O1 of Borm and Menq
+    exchanges: int  # how many improved the first choice
+
+
+def chosen_poses(rows: FloatArray, tolerances: FloatArray, count: int) -> Choice:
+    """Return the poses that make the parameters' covariance least: D-optimal.
+
+    The first are taken one after the other, each of which adds most to log det of the information; then poses
+    are exchanged for others as long as that grows.
+
+    Parameters
+    ----------
+    rows : (C, k, P) array
+        Derivatives of the k numbers that a pose tells, over their standard deviations; zero for no number.
+    tolerances : (P,) array
+        Standard deviations of the parameters about the design; infinite where nothing is known.
+    count : int
+        How many poses are chosen.
+
+    Raises
+    ------
+    InputError
+        If there are fewer candidates, or the numbers cannot tell the parameters.
+    """
+    whole("count", count, 1)
+    if count > len(rows):
+        raise InputError(f"count: expected at most {len(rows)}, the number of candidates, got {count}")
+    size = np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0)
+    scale = np.where(np.isfinite(tolerances), tolerances, 1.0 / np.where(size > 0, size, 1.0))
+    scaled = rows * scale
+    prior = np.isfinite(tolerances).astype(float)
+    _, s, Vt = np.linalg.svd(np.concatenate((scaled.reshape(-1, len(scale)), np.diag(prior))))
+    basis = Vt[: int((s > NONE * s[0]).sum())].T  # what all candidates together tell
+    small = scaled @ basis
+    start = basis.T @ (prior[:, None] * basis)
+    if count * rows.shape[1] + int(prior.sum()) < basis.shape[1]:
+        needed = int(np.ceil((basis.shape[1] - prior.sum()) / rows.shape[1]))
+        raise InputError(
+            f"count: expected {needed} poses or more for {basis.shape[1]} parameters, got {count}"
+        )
+    chosen = _first(small, start, count)
+    exchanges = _exchange(small, start, chosen)
+    poses = np.sort(np.array(chosen))
+    information = start + np.einsum("nkp,nkq->pq", small[poses], small[poses])
+    half = scale[:, None] * (basis @ np.linalg.inv(np.linalg.cholesky(information)).T)
+    deviations = np.sqrt(np.sum(half**2, axis=1))
+    told = np.linalg.norm(Vt[basis.shape[1] :], axis=0, ord=np.inf) if len(Vt) > basis.shape[1] else None
+    if told is not None:
+        deviations = np.where(told > 1e-8, np.inf, deviations)
+    return Choice(poses, deviations, observability(rows[poses], tolerances), exchanges)
+
+
+def observability(rows: FloatArray, tolerances: FloatArray | None = None) -> float:
+    """Return O1 of K measured poses, (σ1 ... σr)^(1/r) / √K, of columns in units of the tolerances.
+
+    σ are the singular values that are not zero. Where a tolerance is infinite, columns are scaled to one.
+    """
+    flat = rows.reshape(-1, rows.shape[-1])
+    sizes = np.linalg.norm(flat, axis=0)
+    scale = 1.0 / np.where(sizes > 0, sizes, 1.0)
+    if tolerances is not None:
+        scale = np.where(np.isfinite(tolerances), tolerances, scale)
+    s = np.linalg.svd(flat * scale, compute_uv=False)
+    s = s[s > NONE * s.max(initial=0.0)]
+    return float(np.exp(np.log(s).mean()) / np.sqrt(len(rows))) if len(s) else 0.0
+
+
+def _gains(small: FloatArray, information: FloatArray) -> FloatArray:
+    """Return how much log det of the information grows (C,) with each candidate."""
+    half = np.linalg.solve(np.linalg.cholesky(information), np.swapaxes(small, 1, 2))
+    inner = np.eye(small.shape[1]) + np.swapaxes(half, 1, 2) @ half
+    return np.asarray(np.linalg.slogdet(inner)[1])
+
+
+def _first(small: FloatArray, start: FloatArray, count: int) -> list[int]:
+    """Choose one candidate after the other; what is not known yet has a little weight."""
+    P = start.shape[0]
+    little = 1e-6 * np.trace(np.einsum("nkp,nkq->pq", small, small)) / (len(small) * P)
+    information, chosen = start + little * np.eye(P), list[int]()
+    for _ in range(count):
+        gains = _gains(small, information)
+        gains[chosen] = -np.inf
+        best = int(gains.argmax())
+        chosen.append(best)
+        information = information + small[best].T @ small[best]
+    return chosen
+
+
+def _exchange(small: FloatArray, start: FloatArray, chosen: list[int]) -> int:
+    """Exchange chosen candidates for others as long as that improves; return how often."""
+    P, count, before = start.shape[0], 0, -1
+    while count > before:
+        before = count
+        for position, old in enumerate(chosen):
+            others = chosen[:position] + chosen[position + 1 :]
+            information = start + np.einsum("nkp,nkq->pq", small[others], small[others])
+            little = 1e-12 * np.trace(information) / P
+            gains = _gains(small, information + little * np.eye(P))
+            gains[others] = -np.inf
+            best = int(gains.argmax())
+            if gains[best] > gains[old] + _LITTLE:
+                chosen[position] = best
+                count += 1
+    return count
