@@ -252,6 +252,14 @@ TESTS = {
     "p3dof/analysis/tolerances/": ("tolerance_numbers", "tolerances", "sensitivity", "cli_tolerance"),
     "p3dof/analysis/identification.py": ("machine_forces", "estimates"),
     "p3dof/loops/identification/": ("estimates", "machine_forces"),
+    "p3dof/analysis/tolerances/calibration.py": ("machine_calibration",),
+    "p3dof/analysis/tolerances/estimation.py": (
+        "estimation",
+        "tolerance_numbers",
+        "tolerances",
+        "sensitivity",
+        "cli_tolerance",
+    ),
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/pareto.py": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/feasibility.py": (

@@ -319,6 +319,15 @@ def test_chosen_poses_are_the_best_of_all_sets():
         assert_allclose(found.deviations, np.sqrt(np.diag(np.linalg.inv(information(best)))), rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("count", "words"), [(1, "expected 2 poses or more for 4"), (10, "at most 9"), (0, "count: expected")]
+)
+def test_too_few_poses_are_refused(count, words):
+    rows = np.random.default_rng(4).normal(size=(9, 2, 4))
+    with pytest.raises(InputError, match=words):
+        chosen_poses(rows, np.full(4, np.inf), count)
+
+
 def test_observability_is_that_of_borm_and_menq():
     rows = np.random.default_rng(1).normal(size=(5, 2, 3))
     scaled = rows.reshape(10, 3) * [2.0, 3.0, 0.5]

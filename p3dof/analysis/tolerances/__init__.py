@@ -4,10 +4,20 @@
 - `forces`: forces to first order; `pose`: closures of machines whose legs differ, of which
   `estimation` says what a calibration can find; `draws`: machines drawn at random, in blocks; `tolerance`:
   all of it; `results`, `tables`.
+  `identifiability` says what a calibration can find; `estimation`: inertial parameters from measured forces
+  and the design; `draws`: machines drawn at
+  random, in blocks; `tolerance`: all of it; `results`, `tables`.
+- `calibration`: lengths of each leg and encoder offsets from measured poses, and where to measure.
 - `sobol`: Sobol' indices of anything; `sensitivity`: of figures of forces, and their exact derivatives.
 - `files`: what is uncertain, in a file; `tables`: of all results.
 """
 
+from p3dof.analysis.tolerances.calibration import (
+    MachineCalibration,
+    calibrate_machine,
+    machine_calibration_tables,
+    plan_machine,
+)
 from p3dof.analysis.tolerances.draws import DrawnForces, DrawnPoses
 from p3dof.analysis.tolerances.estimation import Identifiability, identifiability
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
@@ -32,11 +42,18 @@ __all__ = [
     "ForceTolerance",
     "Identifiability",
     "LocalSensitivity",
+    "MachineCalibration",
     "MatchedSamples",
     "PoseTolerance",
     "SobolIndices",
     "Uncertainty",
     "identifiability",
+    "calibrate_machine",
+    "estimate_parameters",
+    "identifiability",
+    "machine_calibration_tables",
+    "plan_machine",
+    "prior_deviations",
     "read_uncertainty",
     "sensitivity",
     "sensitivity_table",

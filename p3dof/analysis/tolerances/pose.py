@@ -122,7 +122,12 @@ def poses_of(geometry: Geometry, pose: FloatArray, off: FloatArray) -> FloatArra
     """
     asked = closures(geometry, pose, np.zeros(len(NAMES)))
     off = off.reshape(len(off), *(1,) * (pose.ndim - 1), len(NAMES))
-    found = np.broadcast_to(pose, (len(off), *pose.shape)).copy()
+    return solved(geometry, asked, off, np.broadcast_to(pose, (len(off), *pose.shape)))
+
+
+def solved(geometry: Geometry, asked: FloatArray, off: FloatArray, start: FloatArray) -> FloatArray:
+    """Return the poses at which encoders tell what is asked; NaN where there is none near the start."""
+    found = start.copy()
     gap: FloatArray = np.full(found.shape, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):

@@ -197,7 +197,7 @@ class MeasuredRobot:
             row = np.empty((*one.values.shape, len(p)))
             for k, target in enumerate(displaced.targets(one.readings, values)):
                 q = self._assembled(robot, target, pose, f"pose {k + 1} of {len(one)}")
-                by_p = displaced.influence(robot, q) @ self.parameters.matrix
+                by_p = displaced.influence(robot, q, self.parameters)
                 pin.computeJointJacobians(model, data, q)
                 pin.updateFramePlacements(model, data)
                 error[k], by_q = _seen(model, data, (frame, base), one, one.values[k])

@@ -31,6 +31,7 @@ _TURNS = {"yaw": pin.JointModelRZ, "pitch": pin.JointModelRY, "roll": pin.JointM
 KINDS = (*_SHIFTS, "roll", "pitch", "yaw", "length")  # of a placement
 OFFSET = "offset"  # of the encoder of an actuated joint: what it reads less where the joint is
 _NEAR = 1e-9  # distance from the joint before it below which a placement has no length [units of length]
+_OPEN = 1e-6  # what a displacement may open the loops by, as a share of it
 
 
 class Displacements(NamedTuple):
@@ -167,13 +168,12 @@ class DisplacedRobot:
         still = np.broadcast_to(values[self._moved], (len(readings), len(self._moved)))
         return np.concatenate((positions, still), axis=1)
 
-    def influence(self, robot: ClosedLoopModel, q: FloatArray) -> FloatArray:
-        """Return how the joints move with the displacements, readings held: (nv, E)."""
+    def influence(self, robot: ClosedLoopModel, q: FloatArray, parameters: Displacements) -> FloatArray:
+        """Return how the joints move with the parameters, readings held: (nv, P)."""
         model = self.extended.model
         J = robot.closure_jacobian(q)
-        motors = len(robot.actuated)
         A = np.concatenate((J, np.eye(model.nv)[robot.actuated_v]))
-        b = np.zeros((len(A), len(self.elements)))
+        b: FloatArray = np.zeros((len(A), len(self.elements)))
         for column, e in enumerate(self._moved, len(self.robot.actuated)):
             b[len(J) + column, e] = 1.0
         for e, column in self._offsets:
@@ -181,10 +181,11 @@ class DisplacedRobot:
         rows = dict(zip((c.name for c in robot.sidecar.closures), robot.constraint_rows, strict=False))
         for e, name in self._rods:
             b[rows[name.rpartition(".")[0]], e] = 1.0
+        b = b @ parameters.matrix
         found = np.linalg.lstsq(A, b, rcond=RANK_TOLERANCE)[0]
         left = np.abs(A @ found - b).max(axis=0, initial=0.0)
-        if motors and left.max(initial=0.0) > 1e-6:
-            name = self.elements[int(left.argmax())]
+        if left.max(initial=0.0) > _OPEN:
+            name = parameters.names[int(left.argmax())]
             raise InputError(
                 f"tolerances: the loops cannot close with another {name}: they are overconstrained; "
                 "combine it with what has to change with it, or leave it out"

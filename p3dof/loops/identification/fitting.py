@@ -181,19 +181,17 @@ def _shortened(
     cost: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the parameters after a step, and what they give; the step is halved until the cost falls."""
-    failure: AssemblyError | None = None
     for halving in range(_HALVINGS):
         trial = p + 0.5**halving * step
         try:
             error, rows = evaluate(trial)
-        except AssemblyError as problem:
-            failure = problem
+        except AssemblyError:
+            if halving == _HALVINGS - 1:
+                raise
             continue
         now = float(np.sum((error / sigma) ** 2) + np.sum((trial / tolerances) ** 2))
         if now <= cost * (1 + _EVEN):
             return trial, error, rows
-    if failure is not None:
-        raise failure
     return p, *evaluate(p)
 
 
