@@ -169,6 +169,7 @@ TESTS = {
     "p3dof/loops/identification/calibration.py": ("calibration",),
     "p3dof/loops/identification/displacements.py": ("calibration",),
     "p3dof/loops/identification/fitting.py": ("calibration",),
+    "p3dof/loops/identification/pose_files.py": ("cli_calibrate",),
     "p3dof/loops/compliance.py": ("elastic_reactions",),
     "p3dof/loops/coordinates.py": (
         *KINDS,

@@ -87,6 +87,7 @@ COMMANDS = {
         "runs": ("p3dof.cli.simulate", "Run a batch of simulations from a table."),
         "codegen": ("p3dof.cli.codegen", "Generate C99 code for a controller."),
     },
+    "Measure": {"calibrate": ("p3dof.cli.identify", "Calibrate legs and encoders from measured poses.")},
     "Any robot": {"loop": ("p3dof.cli.loop", "Any closed-loop robot: forces, simulation, C.")},
 }
 """The commands by what they are for, each heading in the order of work.

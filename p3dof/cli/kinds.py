@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import click
+import yaml
 
 from p3dof._base.checks import LARGEST, SMALLEST, shown, with_point
 from p3dof._base.errors import ParameterError
@@ -100,6 +101,27 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
         if not (SMALLEST <= number <= LARGEST or (number == 0 and self._zero)):
             self.fail(f"expected a positive number, got {number:g}", param, ctx)
         return number
+
+
+class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
+    """A parameter and what is said of it, ``NAME=VALUE``."""
+
+    name = "NAME=VALUE"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, Any]:
+        """Return the name and the value."""
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = str(value).partition("=")
+        if not equals or not name.strip() or not text.strip():
+            self.fail(f"expected NAME=VALUE such as 'R=0.1 mm', got {value!r}", param, ctx)
+        try:
+            number = yaml.safe_load(text) if text.strip()[0] in "[{" else text.strip()
+        except yaml.YAMLError:
+            self.fail(f"{name}: expected a number, a share or a range [LOW, HIGH], got {text!r}", param, ctx)
+        return name.strip(), number
 
 
 class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import yaml
 from rich.console import Console
 
 from p3dof._base.blocks import Processes
@@ -21,7 +20,7 @@ from p3dof.analysis.tolerances.tolerance import plain_of
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
 from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, save_figure, source
-from p3dof.cli.kinds import FIGURE, POSITIVE, Whole, options
+from p3dof.cli.kinds import FIGURE, POSITIVE, Named, Whole, options
 from p3dof.cli.machine import Pose, say_payloads
 from p3dof.cli.output import in_options, print_written, progress_bar, show
 
@@ -34,27 +33,6 @@ _WORDS = {
     "samples:": "--machines:",
 }
 """What arguments of Python are here."""
-
-
-class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # likewise
-    """A parameter and what is said of it, ``NAME=VALUE``."""
-
-    name = "NAME=VALUE"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, Any]:
-        """Return the name and the value."""
-        if isinstance(value, tuple):
-            return value
-        name, equals, text = str(value).partition("=")
-        if not equals or not name.strip() or not text.strip():
-            self.fail(f"expected NAME=VALUE such as 'R=0.1 mm', got {value!r}", param, ctx)
-        try:
-            number = yaml.safe_load(text) if text.strip()[0] in "[{" else text.strip()
-        except yaml.YAMLError:
-            self.fail(f"{name}: expected a number, a share or a range [LOW, HIGH], got {text!r}", param, ctx)
-        return name.strip(), number
 
 
 _work = options(

@@ -13,22 +13,26 @@ from p3dof.cli.loop import COMMANDS as OF_ROBOTS
 
 OPTIONS = r"""
 --acceleration | Y,Z,THETA | Accelerations along y
+--accuracy | AMOUNT | Standard deviation of a measured length
 --actuation | AMOUNT | Margin from parallel singularities
 --actuator-force | JOINT=FORCE | (With --simulate: c|C)onstant force of an actuated joint
---algorithm | choice | (SLSQP|Epsilon-constraint)
---animation | flag | Embed the page with the
 --actuators | text | Actuators behind --coordinates
+--algorithm | choice | (SLSQP|Epsilon-constraint)
+--angle-accuracy | AMOUNT | Standard deviation of a measured angle
+--animation | flag | Embed the page with the
 --any-size | flag | Accept a machine larger than
 --armature | NUMBER[,B,C] | Armature
 --around | JOINT=VALUE,... | Positions of joints
 --at | float | (Start time of playback|Time of the motion)
 --bake | flag | Make the parameters of the
 --bandwidth | number | Bandwidth of the drives
+--base | text | Frame that it is seen
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
 --brake-safety | number | Safety factor of holding brakes
 --check | flag | Write nothing
 --closure-forces | flag | Show the closure forces
+--combine | NAME=PART,... | Parameter that changes several
 --compute | choice | Also compute this
 --controller | choice | PD control
 --coordinates | text | Joints, with commas
@@ -57,11 +61,13 @@ OPTIONS = r"""
 --forces-out | FILE | File to write forces
 --format | choice | Format
 --fps | number | Frames per second of a
+--frame | text | Frame that is measured
 --frequency | number | Natural frequency of the closed
 --functions | text | Functions
 --generations | whole number | Largest number of generations of
 --gradient | COLUMN | Column by which all results
 --grid | whole number | Number of poses of the
+--hold-out | N | Leave every N-th pose out
 --ignore-unknown | flag | Ignore elements of a URDF
 --in-time | flag | Also simulate the motion with
 --include-root | FOLDER | Folder below which an MJCF or SDF may
@@ -76,6 +82,7 @@ OPTIONS = r"""
 --kind | choice | Kind of counterbalance
 --kp | text | Position gains
 --large | COLUMN | Column of designs to maximise
+--leave-out | flag | Leave out numbers that do
 --length | AMOUNT | Characteristic length ℓ of the
 --limits | choice | At a joint limit in
 --list-joints | flag | List all joints
@@ -89,14 +96,15 @@ OPTIONS = r"""
 --max-nut-force | AMOUNT | Limit of the force of each nut
 --max-power | AMOUNT | Limit of the power of
 --max-speed | AMOUNT | Limit of the slider speeds
+--measured | FILE | Measured poses
 --meshcat | flag | Play the motion repeatedly in MeshCat
 --method | choice | (Method of inverse|Forward|Dynamics by)
 --motion | FILE | Motion (file (\(|of the glb)|of the actuated joints)
 --multipliers | flag | Also write the closure forces
 --nodes | whole number | Grid intervals between two stops
 --noise | number | Standard deviations of measured positions
---observer | flag | A momentum observer
 --objective | choice / text | (What is minimised|Measure to optimise)
+--observer | flag | A momentum observer
 --of | text | Result whose sensitivity is computed
 --on-invalid | choice | At a sample that is
 --once | flag | With --meshcat: play once
@@ -109,7 +117,9 @@ OPTIONS = r"""
 --parameters | FILE | Parameter file of the machine
 --paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
+--plan | POSES | Choose so many poses to
 --plot | flag | Draw the figure
+--point | X,Y,Z | Point that distances are measured
 --points | whole number | Number of designs on the
 --population | whole number | Population of the genetic algorithms
 --port | whole number | Port of the page on

@@ -440,6 +440,7 @@ SUFFIXES: dict[str, tuple[str, ...]] = {
     "joints": (".csv", ".yaml", ".yml"),
     "robot": (".urdf", ".xml", ".sdf"),
     "exported robot": (".urdf", ".xml", ".sdf", ".glb"),
+    "calibrated": (".urdf", ".xml", ".sdf", ".csv"),
     "map": (".nc",),
     "film": (".mp4", ".gif"),
     "picture": (".png",),

@@ -75,7 +75,7 @@ class MachineCalibration(Readable):
     machine : Parameters
         The design with the R, r and L for all legs that fit best with `encoders`.
     encoders : (3,) array
-        Offsets that belong to `machine` [m].
+        Offsets that belong to `machine`, whose heights count from its own home [m].
     """
 
     names: tuple[str, ...]
@@ -116,8 +116,9 @@ class MachineCalibration(Readable):
         read, seen = _measured(sliders, pose)
         problem = _Problem(self.design, read, seen, np.ones(3), np.eye(len(ALL)))
         lengths = [getattr(self.machine.geometry, kind) - getattr(self.design, kind) for kind in KINDS[:3]]
+        encoders = self.encoders + self.design.h - self.machine.geometry.h
         own = np.concatenate(
-            [np.append(np.tile(lengths, (3, 1)), self.encoders[:, None], axis=1).ravel(), self.file_device]
+            [np.append(np.tile(lengths, (3, 1)), encoders[:, None], axis=1).ravel(), self.file_device]
         )
         every = np.concatenate([self.legs.ravel(), self.device])
         before, after, file = (problem.all(p)[0] for p in (np.zeros(len(ALL)), every, own))
@@ -235,7 +236,8 @@ def calibrate_machine(
         found = fit(problem.evaluate, problem.sigma, widths)
     alike, file = _symmetric(problem, names, widths)
     lengths = {kind: getattr(geometry, kind) + alike[ALL.index(f"{kind}.a")] for kind in KINDS[:3]}
-    off = problem.matrix @ found.parameters
+    off, own = problem.matrix @ found.parameters, replace(geometry, **lengths)
+    encoders = alike[[ALL.index(f"encoder.{leg}") for leg in "abc"]] + own.h - geometry.h
     return MachineCalibration(
         names,
         found.parameters,
@@ -249,8 +251,8 @@ def calibrate_machine(
         file,
         tuple((int(places[i][0]), POSE[places[i][1]]) for i in wrong),
         leave_out and bool(wrong),
-        replace(machine, geometry=replace(geometry, **lengths)),
-        alike[[ALL.index(f"encoder.{leg}") for leg in "abc"]],
+        replace(machine, geometry=own),
+        encoders,
         off[: len(NAMES)].reshape(3, 4),
         off[len(NAMES) :],
         alike[len(NAMES) :],

@@ -11,6 +11,9 @@ COMMANDS = {
         "forces": ("p3dof.cli.loop.forces", "Compute the actuator forces over a motion."),
         "simulate": ("p3dof.cli.loop.simulate", "Simulate a robot, under control or constant forces."),
     },
+    "Measure": {
+        "calibrate": ("p3dof.cli.loop.identify", "Calibrate lengths and encoders from measured poses.")
+    },
     "See and export": {
         "show": ("p3dof.cli.loop.show", "Show a robot and its forces in the browser."),
         "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF, glTF or ROS package."),

@@ -320,10 +320,20 @@ class Calibration(Readable):
     """Of the parameters, which are lengths [m]; the others are angles [rad]."""
     _model: MeasuredRobot
 
+    @property
+    def measured(self) -> tuple[Measurements, ...]:
+        """What was measured, by kind."""
+        return self._model.measured
+
     def errors(self, measured: Measured) -> tuple[FloatArray, ...]:
         """Return computed less measured numbers by the result, of other measurements: (K, c) of each kind."""
         other = MeasuredRobot(self._model.robot, measured, self._model.parameters)
         return tuple(other.all(self.parameters)[0])
+
+    def tested(self, measured: Measurements) -> tuple[FloatArray, FloatArray]:
+        """Return computed less measured numbers (K, c) by the design and by the result, of other poses."""
+        other = MeasuredRobot(self._model.robot, measured, self._model.parameters)
+        return other.all(np.zeros(len(self.names)))[0][0], other.all(self.parameters)[0][0]
 
     def table(self) -> Table:
         """Return the parameters as a table."""
@@ -495,6 +505,53 @@ class MeasurementPlan(Readable):
         return plan_table(self)
 
 
+_MARGIN = 0.05  # least singularity margin of actuation of a random candidate
+_TRIES = 20  # random readings for each that is wanted
+
+
+def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> FloatArray:
+    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad].
+
+    Parameters
+    ----------
+    robot : ClosedLoopModel
+        The robot; its actuated joints have limits, which its other joints may not exceed either.
+    count : int
+        How many.
+    seed : int
+        Of the random numbers.
+
+    Raises
+    ------
+    InputError
+        If an actuated joint has no limits, or hardly any readings can be assembled within all limits.
+    """
+    model, wanted = robot.model, whole("count", count, 1)
+    at = np.array([model.idx_qs[model.getJointId(name)] for name in robot.actuated])
+    low, high = np.asarray(model.lowerPositionLimit)[at], np.asarray(model.upperPositionLimit)[at]
+    for name, width in zip(robot.actuated, high - low, strict=True):
+        if not 0 < width < _UNLIMITED:
+            raise InputError(
+                f"robot: {shown(name)} has no limits: give readings of its motors to choose from"
+            )
+    rng, home, found = np.random.default_rng(seed), robot.assemble().q, list[FloatArray]()
+    for reading in rng.uniform(low, high, (_TRIES * wanted, len(at))):
+        try:
+            there = robot.assemble(reading, guess=home)
+        except AssemblyError:
+            continue
+        if not there.same_assembly or robot.beyond_limits(there.q):
+            continue
+        if robot.singularity_margins(there.q).actuation > _MARGIN:
+            found.append(reading)
+        if len(found) == wanted:
+            return np.array(found)
+    raise InputError(
+        f"robot: only {len(found)} of {_TRIES * wanted} random readings are poses within all limits"
+    )
+
+
+_UNLIMITED = 1e6  # width of a joint's limits that are none [m or rad]
 _DRAWS = 20  # sets of random candidates that a plan is compared with
 
 

@@ -1,6 +1,8 @@
 # What `p3dof.report.plots` offers; each name is imported when it is first used.
 
 from .tasks import axis_forces_figure, utilisation_figure
+from .assessment import axis_forces_figure, utilisation_figure
+from .calibration import calibration_figure
 from .common import save, save_all
 from .designs import comparison_figure, designs_figure, many_runs_figure, sweep_figure
 from .forces import energy_figure, forces_figure, joints_figure, reactions_figure, tracking_figure
@@ -14,6 +16,7 @@ from .tolerances import sensitivity_figure, tolerance_figure
 __all__ = [
     "axis_forces_figure",
     "balance_figure",
+    "calibration_figure",
     "comparison_figure",
     "designs_figure",
     "drives_figure",
