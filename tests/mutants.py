@@ -253,9 +253,8 @@ TESTS = {
     "p3dof/analysis/tolerances/": ("tolerance_numbers", "tolerances", "sensitivity", "cli_tolerance"),
     "p3dof/analysis/identification.py": ("machine_forces", "estimates"),
     "p3dof/loops/identification/": ("estimates", "machine_forces"),
-    "p3dof/analysis/tolerances/calibration.py": ("machine_calibration",),
-    "p3dof/analysis/tolerances/estimation.py": (
-        "estimation",
+    "p3dof/analysis/tolerances/calibration.py": (
+        "machine_calibration",
         "tolerance_numbers",
         "tolerances",
         "sensitivity",

@@ -2,24 +2,21 @@
 
 - `directions`: what may vary about a machine, and what moves with it.
 - `forces`: forces to first order; `pose`: closures of machines whose legs differ, of which
-  `estimation` says what a calibration can find; `draws`: machines drawn at random, in blocks; `tolerance`:
-  all of it; `results`, `tables`.
-  `identifiability` says what a calibration can find; `estimation`: inertial parameters from measured forces
-  and the design; `draws`: machines drawn at
-  random, in blocks; `tolerance`: all of it; `results`, `tables`.
-- `calibration`: lengths of each leg and encoder offsets from measured poses, and where to measure.
+  `calibration` finds lengths of each leg and encoder offsets from measured poses, and where to measure;
+  `draws`: machines drawn at random, in blocks; `tolerance`: all of it; `results`, `tables`.
 - `sobol`: Sobol' indices of anything; `sensitivity`: of figures of forces, and their exact derivatives.
 - `files`: what is uncertain, in a file; `tables`: of all results.
 """
 
 from p3dof.analysis.tolerances.calibration import (
+    Identifiability,
     MachineCalibration,
     calibrate_machine,
+    identifiability,
     machine_calibration_tables,
     plan_machine,
 )
 from p3dof.analysis.tolerances.draws import DrawnForces, DrawnPoses
-from p3dof.analysis.tolerances.estimation import Identifiability, identifiability
 from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
 from p3dof.analysis.tolerances.sensitivity import (
     LocalSensitivity,
@@ -47,13 +44,10 @@ __all__ = [
     "PoseTolerance",
     "SobolIndices",
     "Uncertainty",
-    "identifiability",
     "calibrate_machine",
-    "estimate_parameters",
     "identifiability",
     "machine_calibration_tables",
     "plan_machine",
-    "prior_deviations",
     "read_uncertainty",
     "sensitivity",
     "sensitivity_table",

@@ -23,7 +23,16 @@ from p3dof._base.errors import AssemblyError, InputError
 from p3dof._base.quantities import ANGLE, LENGTH
 from p3dof._base.tables import Table, table_of
 from p3dof.analysis.tolerances.directions import AnyMachine, amount_of, parameters_of
-from p3dof.analysis.tolerances.pose import KINDS, NAMES, closure_derivatives, closures, sigmas_of, solved
+from p3dof.analysis.tolerances.pose import (
+    KINDS,
+    NAMES,
+    checked_pose,
+    closure_derivatives,
+    closures,
+    pose_gradient,
+    sigmas_of,
+    solved,
+)
 from p3dof.closed_form.kinematics import forward_kinematics, singularity
 from p3dof.loops.identification.calibration import (
     MeasurementPlan,
@@ -33,8 +42,66 @@ from p3dof.loops.identification.calibration import (
     require_metres,
 )
 from p3dof.loops.identification.displacements import Displacements
-from p3dof.loops.identification.fitting import Combinations, chosen_poses, combinations_of, fit, outliers_of
+from p3dof.loops.identification.fitting import (
+    Combinations,
+    chosen_poses,
+    combinations_of,
+    fit,
+    in_words,
+    outliers_of,
+    reduced,
+)
 from p3dof.machine.parameters import Geometry, Parameters
+
+_NONE = 1e-10  # share of the largest singular value below which one is zero
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability(Readable):
+    """What measured poses tell of the parameters of the legs."""
+
+    rank: int  # how many combinations of the twelve parameters they tell
+    condition: float
+    """Largest over smallest singular value of these, columns scaled to one: errors of measured poses grow
+    by so much at worst."""
+    singular_values: FloatArray  # (12,): of the scaled columns
+    unseen: tuple[str, ...]
+    """Combinations that change no pose, such as `R.a + r.a`: these parameters grow together."""
+    null_space: FloatArray
+    """(12 - rank, 12): the same as numbers, in the order of `R.a, r.a, L.a, encoder.a, R.b`."""
+
+
+def identifiability(robot: AnyMachine, pose: ArrayLike) -> Identifiability:
+    """Return which parameters of the legs a calibration from measured poses can find.
+
+    Sliders are read, the pose of the platform is measured: each pose tells three numbers.
+
+    Parameters
+    ----------
+    robot : Manipulator, Parameters or None
+        The nominal machine; the paper's for None.
+    pose : array-like, shape (K, 3)
+        Where it is measured: y [m], z [m], θ [rad].
+
+    Raises
+    ------
+    InputError
+        If there are less than four poses, which could not tell twelve numbers.
+    ReachError, SingularityError
+        If the machine cannot be at a pose.
+    """
+    geometry = parameters_of(robot).geometry
+    poses = checked_pose(geometry, pose).reshape(-1, 3)
+    if len(poses) < 4:
+        raise InputError(f"pose: expected four poses or more for twelve parameters, got {len(poses)}")
+    rows = pose_gradient(geometry, poses).reshape(-1, len(NAMES))
+    sizes = np.linalg.norm(rows, axis=0)
+    _, values, directions = np.linalg.svd(rows / sizes, full_matrices=False)
+    rank = int((values > _NONE * values[0]).sum())
+    null = reduced(directions[rank:] / sizes)
+    words = tuple(in_words(row, NAMES) for row in null)
+    return Identifiability(rank, float(values[0] / values[rank - 1]), values, words, null)
+
 
 DEVICE = ("device.y", "device.z", "device.theta")
 """Where the axes of what measures are, in those of the machine: parameters if a tolerance is given."""

@@ -1,7 +1,6 @@
 # What `p3dof.report.plots` offers; each name is imported when it is first used.
 
 from .tasks import axis_forces_figure, utilisation_figure
-from .assessment import axis_forces_figure, utilisation_figure
 from .calibration import calibration_figure
 from .common import save, save_all
 from .designs import comparison_figure, designs_figure, many_runs_figure, sweep_figure
