@@ -103,6 +103,24 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     return time, columns, first
 
 
+def of_columns(
+    columns: Mapping[str, FloatArray], source: str, form: Form
+) -> tuple[FloatArray, FloatArray, float]:
+    """Take columns of another kind of file, by their names with units, as `parse` takes those of CSV text."""
+    factors = np.array(_header(list(columns), source, form))
+    data = np.stack(list(columns.values()), axis=-1)
+    for i, j in np.argwhere(~(np.abs(data) <= LARGEST)):
+        raise MotionError(
+            f"{source}, row {i + 1}, column {form.names[j]}: expected a finite number, got {data[i, j]}"
+        )
+    time, first = data[:, 0] * factors[0, 0] / factors[0, 1], 0.0
+    if is_of_clock(time):
+        time, first = time - time[0], float(time[0])
+    for i in np.flatnonzero(time[1:] <= time[:-1]):
+        raise MotionError(f"{source}, row {i + 2}, column t: expected a time after {data[i, 0]:.16g}")
+    return time, data[:, 1:] * factors[1:, 0] / factors[1:, 1], first
+
+
 def _read_with_care(
     rows: Iterator[tuple[int, list[str]]], source: str, header: list[str], form: Form
 ) -> FloatArray:
