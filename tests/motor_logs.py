@@ -39,3 +39,11 @@ def motor_log(forces, truth, motion, duration, *, rate=1000.0, noise=0.0, counts
     if counts:
         here = np.round(here / counts) * counts
     return MotorLog(forces.actuators, time, here, measured)
+
+
+def truth_of(forces, seed, size=0.8):
+    """Parameters of a robot as built: drawn from the prior, friction positive."""
+    rng = np.random.default_rng(seed)
+    drawn = forces.design + size * forces.deviations() * rng.normal(size=len(forces.design))
+    positive = [name.rpartition(".")[2] in ("damping", "friction", "armature") for name in forces.names]
+    return np.where(positive, np.abs(drawn), drawn)

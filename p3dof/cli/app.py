@@ -82,6 +82,7 @@ COMMANDS = {
         "sensitivity": ("p3dof.cli.tolerance", "Compute sensitivities (local, Sobol')."),
         "tolerance": ("p3dof.cli.tolerance", "Tolerance analysis of poses and forces."),
     },
+    "Measure": {"identify": ("p3dof.cli.identify", "Identify inertia and friction from a log.")},
     "Control": {
         "simulate": ("p3dof.cli.simulate", "Simulate the machine under control."),
         "runs": ("p3dof.cli.simulate", "Run a batch of simulations from a table."),

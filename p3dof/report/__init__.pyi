@@ -2,6 +2,7 @@
 
 from . import plots
 from .assessment import moving_page, render_assessment, render_designs, write_assessment, write_designs
+from .identification import render_identification, write_identification
 from .page import render, write
 
 __all__ = [
@@ -10,7 +11,9 @@ __all__ = [
     "render",
     "render_assessment",
     "render_designs",
+    "render_identification",
     "write",
     "write_assessment",
     "write_designs",
+    "write_identification",
 ]

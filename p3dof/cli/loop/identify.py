@@ -187,3 +187,250 @@ def _width(robot: ClosedLoopModel, name: str, value: Any, combined: dict[str, di
         return float((ANGLE if angle else LENGTH).read(str(value), f"--sigma {name}"))
     except ParameterError as error:
         raise InputError(str(error)) from error
+
+
+"""`p3dof loop identify`: parameters of any robot from a log; what the machine's command shares with it."""
+
+from __future__ import annotations
+
+import functools
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import click
+from rich.console import Console
+
+from p3dof._base.files import together
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof.cli.files import InputFile, OutputFile, source
+from p3dof.cli.kinds import POSITIVE, SMOOTH, Amount, Number, as_one
+from p3dof.cli.loop import loop
+from p3dof.cli.loop.robot import with_robot
+from p3dof.loops.identification.estimates import METHODS, EstimationMethod
+from p3dof.loops.identification.forces import MASS, SHIFT, IdentifiableForces, LoopForces
+from p3dof.loops.identification.identifying import Identification, identify
+from p3dof.loops.identification.logs import MotorLog, read_log
+from p3dof.loops.identification.validation import (
+    Validation,
+    combinations_table,
+    parameters_table,
+    validate,
+    validation_table,
+)
+
+_WORDS = {
+    "constants: ": "--constants: ",
+    "period: ": "--period: ",
+    "smooth: ": "--smooth: ",
+    "delay: ": "--force-delay: ",
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of an identification, as the options say it."""
+
+    held_out: Path | None
+    constants: str | None
+    offsets: bool
+    period: float | None
+    smooth: Smooth
+    force_delay: float | None
+    estimator: EstimationMethod
+    widths: Literal["given", "estimated"]
+    mass_error: float
+    centre_error: float
+    trust_columns: bool
+    report_file: Path | None
+
+    def per_ampere(self, names: tuple[str, ...]) -> FloatArray | None:
+        """Return the force per ampere of each actuator, one for all or one each."""
+        if self.constants is None:
+            return None
+        try:
+            found = np.array([float(part) for part in self.constants.split(",")])
+        except ValueError as error:
+            raise InputError(
+                f"--constants: expected numbers with commas, got {shown(self.constants)}"
+            ) from error
+        if len(found) not in (1, len(names)):
+            raise InputError(f"--constants: expected one number, or {len(names)} for {', '.join(names)}")
+        return np.broadcast_to(found, len(names))
+
+    def log(self, path: Path, forces: IdentifiableForces) -> MotorLog:
+        """Read a log of the robot's actuators."""
+        kinds = list(zip(forces.position_units, forces.force_units, strict=True))
+        given: Any = path if path.suffix.lower() == ".parquet" else source(path)
+        return read_log(given, forces.actuators, kinds, self.per_ampere(forces.actuators))
+
+
+asked_options = as_one(
+    "asked",
+    Asked,
+    click.option(
+        "--validate",
+        "held_out",
+        type=InputFile(),
+        help="Log of another motion, to validate on: without it nothing is known of the quality.",
+    ),
+    click.option(
+        "--constants",
+        help="Force per ampere of the actuators [N/A or N m/A], one or with commas, for logs of currents.",
+    ),
+    click.option(
+        "--offsets/--no-offsets", default=False, help="Estimate constant offsets of the force sensors."
+    ),
+    click.option("--period", type=POSITIVE, help="Period of the motion [s]; found by default."),
+    SMOOTH,
+    click.option(
+        "--force-delay",
+        type=Number(min=-1, max=1),
+        help="Time by which forces are later than positions in the log [s]; found by default.",
+    ),
+    click.option(
+        "--estimator",
+        type=click.Choice(METHODS),
+        default="map",
+        help="Maximum a posteriori, weighted least squares, essential parameters, or robust to outliers.",
+    ),
+    click.option(
+        "--widths",
+        type=click.Choice(("given", "estimated")),
+        default="given",
+        help="Whether the width of the prior is given, or estimated with the parameters.",
+    ),
+    click.option(
+        "--mass-error",
+        type=POSITIVE,
+        default=MASS,
+        help="Relative error of the masses in the design, a standard deviation: the prior.",
+    ),
+    click.option(
+        "--centre-error",
+        type=Amount(LENGTH),
+        default=SHIFT,
+        help="Error of the mass centres in the design [m], a standard deviation.",
+    ),
+    click.option(
+        "--trust-columns",
+        is_flag=True,
+        help="Do not stop where columns seem exchanged, turned round or in another unit.",
+    ),
+    click.option(
+        "--report",
+        "report_file",
+        type=OutputFile("report"),
+        help="Report to write, with residuals and all parameters (.html or .pdf; needs the extra 'report').",
+    ),
+)
+
+
+def identified(
+    forces: IdentifiableForces,
+    data: Path,
+    asked: Asked,
+    save: Callable[[Any], list[Path]] | None,
+    command: str,
+) -> int:
+    """Identify, validate, print and write; the exit code."""
+    console = Console()
+    prior = forces.deviations(mass=asked.mass_error, shift=asked.centre_error)
+    ways: dict[str, Any] = {
+        "smooth": "auto" if asked.smooth is None else asked.smooth,
+        "check": not asked.trust_columns,
+    }
+    with in_options(_WORDS):
+        found = identify(
+            forces, asked.log(data, forces), deviations=prior, method=asked.estimator, widths=asked.widths,
+            offsets=asked.offsets, period="auto" if asked.period is None else asked.period,
+            delay="auto" if asked.force_delay is None else asked.force_delay, **ways,
+        )  # fmt: skip
+        checked = (
+            None if asked.held_out is None else validate(found, asked.log(asked.held_out, forces), **ways)
+        )
+    _print(console, found, checked)
+    good = checked is None or checked.better
+    written: list[Path] = []
+    with together():
+        if save is not None and good:
+            written += save(found.robot)
+        if asked.report_file is not None:
+            from p3dof.report import write_identification
+
+            written.append(write_identification(asked.report_file, found, checked, command=command))
+    print_written(console, written)
+    return 0 if good else 1
+
+
+def _print(console: Console, found: Identification, checked: Validation | None) -> None:
+    show(console, parameters_table(found), combinations_table(found), notes=True)
+    data = found.data
+    for one in (data, *(() if checked is None else (checked.data,))):
+        print_plain(console, one.about)
+    if data.delay_deviation:
+        spread = f"standard deviation {1e3 * data.delay_deviation:.2g} ms"
+        print_plain(console, f"Forces are {1e3 * data.delay:.3g} ms later than positions ({spread}).")
+    if found.offsets.any():
+        told = zip(found.forces.actuators, found.offsets, found.forces.force_units, strict=True)
+        print_plain(console, f"Offsets: {', '.join(f'{name} {x:.3g} {unit}' for name, x, unit in told)}.")
+    if checked is not None:
+        show(console, validation_table(checked), notes=True)
+    remarks = [*found.remarks, *(checked.remarks if checked is not None else ())]
+    print_warnings(console, list(dict.fromkeys(remarks)))
+    if checked is None:
+        print_warnings(console, ["not validated: give --validate a log of another motion"])
+        return
+    style = "bold green" if checked.better else "bold red"
+    console.print(checked.verdict, style=style, highlight=False, soft_wrap=True)
+
+
+def command_of(name: str, *parts: object) -> str:
+    """Return a command as it is typed."""
+    return shlex.join([*name.split(), *(str(part) for part in parts if part is not None)])
+
+
+def _with_data(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Let the sidecar be left out before the log."""
+
+    @functools.wraps(command)
+    def run(sidecar: Path | None, data: Path | None, **others: Any) -> Any:
+        if data is None:
+            sidecar, data = None, sidecar
+        if data is None:
+            raise click.UsageError("DATA is missing: a log of the robot's motors (CSV or Parquet)")
+        return command(sidecar=sidecar, data=data, **others)
+
+    return run
+
+
+@loop.command("identify")
+@_with_data
+@with_robot
+@click.argument("data", type=InputFile(), required=False)
+@asked_options
+@click.option(
+    "--out",
+    type=OutputFile("robot"),
+    help="Robot file to write with the identified parameters (.urdf with its sidecar, .xml or .sdf).",
+)
+def identify_robot(
+    robot: ClosedLoopModel, inputs: list[Path], data: Path, asked: Asked, out: Path | None
+) -> int:
+    """Identify inertia and friction of a robot from DATA, a log of its motors.
+
+    DATA is CSV or Parquet: t, each actuated joint for its position, force: or current: before its name for
+    the other; units in square brackets. Velocities, the delay of the forces, and noise are found from it.
+
+    Exit code 1 when the held-out log of --validate is predicted no better than by the design; no robot is
+    written then.
+    """
+    protect([*inputs, data, asked.held_out], [out, asked.report_file])
+    command = command_of("p3dof loop identify", *inputs, data, *_held_out(asked))
+    save = None if out is None else lambda found: found.write(out)
+    return identified(LoopForces(robot), data, asked, save, command)
+
+
+def _held_out(asked: Asked) -> list[object]:
+    return [] if asked.held_out is None else ["--validate", asked.held_out]

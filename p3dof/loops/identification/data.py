@@ -27,9 +27,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, shown
-from p3dof._base.errors import InputError, MotionError
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive
+from p3dof._base.errors import AssemblyError, InputError, MotionError, SampleError
 from p3dof._base.time_series.smoothing import Smooth, checked, fitted
+from p3dof.loops.identification.diagnosis import beyond_a_turn, wrong_columns
 from p3dof.loops.identification.forces import IdentifiableForces, Rows, States
 from p3dof.loops.identification.logs import FEWEST, Kind, MotorLog, Usable, require_actuators, usable
 
@@ -89,8 +90,10 @@ class PreparedLog(Readable):
         How many were averaged; zero if it has none.
     delay, delay_deviation : float
         By how much forces were later than positions, and its standard deviation (zero if given) [s].
+    about : str
+        How the log was prepared.
     remarks : tuple of str
-        What to know about the log.
+        What is wrong with it.
     """
 
     log: MotorLog
@@ -105,6 +108,7 @@ class PreparedLog(Readable):
     periods: int
     delay: float
     delay_deviation: float
+    about: str
     remarks: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -144,11 +148,22 @@ class Fit:
         left = r - self.matrix @ (self.directions @ z)
         return float(some @ some - h @ z), left.reshape(self._shape) * self._noise
 
-    def share(self, forces: FloatArray) -> float:
-        """Return the rms of the residuals over that of the forces' variation, of the worst actuator."""
-        residual = self(forces)[1]
-        size = np.maximum(forces.std(axis=0), 1e-300)
-        return float((np.sqrt((residual**2).mean(axis=0)) / size).max())
+    def against_prior(self, forces: FloatArray, informed: float) -> tuple[float, float]:
+        """Return by what combinations differ from the design, over what the prior expects, and a p value.
+
+        If the prior is right, h² / (l (1 + l)) of a combination with information l is chi-square; those with
+        more information than `informed` count. The p value is of the nearer tail, twice; NaN of none.
+        """
+        from scipy.stats import chi2
+
+        r = ((forces - self._rest) / self._noise * self._counted).ravel()
+        h, l = self.directions.T @ (self.matrix.T @ r), self.values  # noqa: E741
+        used = l > informed
+        if not used.any():
+            return math.nan, math.nan
+        each = h[used] ** 2 / (l[used] * (1 + l[used]))
+        total, k = float(each.sum()), int(used.sum())
+        return math.sqrt(total / k), float(2 * min(chi2.sf(total, k), chi2.cdf(total, k), 0.5))
 
 
 class Motion(NamedTuple):
@@ -181,6 +196,7 @@ def prepare_log(
     smooth: Smooth = "auto",
     delay: Delay = "auto",
     deviations: FloatArray | None = None,
+    check: bool = True,
 ) -> PreparedLog:
     """Return measured forces and the forces' model at the same states.
 
@@ -198,11 +214,13 @@ def prepare_log(
         By how much forces are later than positions [s].
     deviations : ndarray, shape (P,), optional
         Prior of the parameters, for the delay; by default ``forces.deviations()``.
+    check : bool
+        Whether to raise where columns seem to be exchanged, turned round or in another unit.
 
     Raises
     ------
     InputError
-        If the log is too short, a force is constant, or most of it saturated.
+        If the log is too short, a force is constant, or most of it saturated, or columns seem wrong.
     MotionError
         If its actuators are not those of the robot, or the motion cannot be followed.
     P3dofError
@@ -220,35 +238,37 @@ def prepare_log(
     span = _periodic(log, good, period)
     if span is not None:
         T, first, last = span
-        sampled, motion, repeats = _averaged(forces, log, good, T, first, last)
+        sampled, motion, repeats = _averaged(forces, log, good, (T, first, last), prior if check else None)
     else:
         if period is not None and period != "auto":
             raise InputError(f"period: {log.source} has less than two periods of {period:g} s that are alike")
         T, repeats = math.nan, 0
-        sampled, motion = _filtered(forces, log, good, smooth)
-    remarks.append(_motion_told(forces, motion, T, repeats))
+        sampled, motion = _filtered(forces, log, good, smooth, prior if check else None)
+    about = f"{log.source}: {_motion_told(forces, motion, T, repeats)}"
+    if check and (told := wrong_columns(forces, sampled.states[:3], sampled.forces(0.0), prior)):
+        raise InputError(f"{log.source}: {told}")
     noise, found, doubt = _fitted(sampled, forces.design, prior, delay)
     if isinstance(delay, str) and abs(found) > 0.95 * LONGEST_DELAY:
         remarks.append(
-            f"no delay within {1e3 * LONGEST_DELAY:g} ms fits best: give it, or look at the time stamps of the log"
+            f"no delay within {1e3 * LONGEST_DELAY:g} ms fits best: give it, or look at the time "
+            "stamps of the log"
         )
     return PreparedLog(
         log, sampled.time, sampled.states, sampled.rows, sampled.forces(found), noise, sampled.spread,
-        motion.band, T, repeats, found, doubt, tuple(remarks),
+        motion.band, T, repeats, found, doubt, about, tuple(remarks),
     )  # fmt: skip
 
 
 def _motion_told(forces: IdentifiableForces, motion: Motion, T: float, repeats: int) -> str:
-    left = ", ".join(
-        f"{1e3 * x:.2g} {'mm' if unit == 'm' else 'mrad'}"
-        for x, unit in zip(motion.residual, forces.position_units, strict=True)
-    )
+    units = forces.position_units
+    most = {u: max(x for x, own in zip(motion.residual, units, strict=True) if own == u) for u in units}
+    left = " and ".join(f"{1e3 * x:.2g} {'mm' if u == 'm' else 'mrad'}" for u, x in most.items())
     what = (
         f"periodic, {T:.6g} s: {repeats} periods are averaged, harmonics"
         if repeats
         else "not periodic: splines follow it, and filters let pass forces,"
     )
-    return f"the motion is {what} up to {motion.band:.3g} Hz; positions are {left} rms from that"
+    return f"the motion is {what} up to {motion.band:.3g} Hz; positions are at most {left} rms from that"
 
 
 def _fitted(
@@ -272,7 +292,7 @@ def _fitted(
             best, step = float(tried[int(np.argmin(costs))]), float(tried[1] - tried[0])
             within = (max(best - step, -LONGEST_DELAY), min(best + step, LONGEST_DELAY))
             found = minimize_scalar(
-                lambda d: fit(sampled.forces(float(d)))[0],
+                lambda d, fit=fit: fit(sampled.forces(float(d)))[0],
                 bounds=within, method="bounded", options={"xatol": 1e-7},
             )  # fmt: skip
             at, h = float(found.x), 0.1 * step
@@ -287,13 +307,15 @@ def _fitted(
 # Periodic motions
 
 
-def _periodic(log: MotorLog, good: Usable, period: Period) -> tuple[float, float, float] | None:
+def _periodic(  # noqa: PLR0911 - each is a reason
+    log: MotorLog, good: Usable, period: Period
+) -> tuple[float, float, float] | None:
     """Return the period, and from when to when the motion has it; None if it has none."""
     if period is None:
         return None
     given = None if period == "auto" else positive("period", period, InputError)
     step = float(np.median(np.diff(log.time)))
-    time = log.time[0] + step * np.arange(int((log.time[-1] - log.time[0]) / step) + 1)
+    time = log.time[0] + step * np.arange(int((log.time[-1] - log.time[0]) / step + 1e-3) + 1)
     x = np.stack(
         [
             np.interp(time, log.time[good.positions[:, j]], log.positions[good.positions[:, j], j])
@@ -329,13 +351,14 @@ def _periodic(log: MotorLog, good: Usable, period: Period) -> tuple[float, float
 
 def _autocorrelated(x: FloatArray) -> float:
     """Return the shortest lag [samples] after which columns repeat; zero if they do not."""
+    half = len(x) // 2
     x = x[len(x) // 5 :]  # motions are entered from rest
     n = len(x)
     size = 1 << (2 * n - 1).bit_length()
     spectrum = np.fft.rfft(x, size, axis=0)
     products = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[:n].sum(axis=1)
     squares = np.concatenate([[0.0], np.cumsum((x**2).sum(axis=1))])
-    lags = np.arange(n // 2 + 1)
+    lags = np.arange(half + 2)
     sums = squares[n - lags] + squares[n] - squares[lags]
     apart = (sums - 2 * products[lags]) / np.maximum(sums, 1e-300)
     start = int(np.argmax(apart > 0.2))  # past the neighbours of a sample
@@ -350,9 +373,9 @@ def _refined(time: FloatArray, x: FloatArray, step: float, T: float, given: floa
     from scipy.optimize import minimize_scalar
 
     if given is not None or not T:
-        return T if T * 2 <= time[-1] - time[0] + 1.5 * step else 0.0
+        return T if time[-1] - time[0] + 1.5 * step >= T * 2 else 0.0
     skip = len(x) // 5
-    thin = max(1, (len(x) - skip) // 4000)
+    thin = max(1, (len(x) - skip) // 1000)
     late, values = time[skip::thin] - time[skip], x[skip::thin]
 
     def left(one: float) -> float:
@@ -360,7 +383,7 @@ def _refined(time: FloatArray, x: FloatArray, step: float, T: float, given: floa
         found = np.linalg.lstsq(basis, values, rcond=None)[0]
         return float(((values - basis @ found) ** 2).sum())
 
-    width = step if T < 50 * step else 2 * step
+    width = step if 50 * step > T else 2 * step
     found = minimize_scalar(left, bounds=(T - width, T + width), method="bounded", options={"xatol": 1e-9})
     T = float(found.x)
     count = round(T / step)
@@ -428,9 +451,14 @@ def _fourier(
 
 
 def _averaged(
-    forces: IdentifiableForces, log: MotorLog, good: Usable, T: float, first: float, last: float
+    forces: IdentifiableForces,
+    log: MotorLog,
+    good: Usable,
+    span: tuple[float, float, float],
+    prior: FloatArray | None,
 ) -> tuple[Sampled, Motion, int]:
-    """Return the average over whole periods."""
+    """Return the average over whole periods; with a prior, what is wrong is told where none is possible."""
+    T, first, last = span
     repeats, step = round((last - first) / T), float(np.median(np.diff(log.time)))
     inside = (log.time >= first - 0.5 * step) & (log.time <= last - 0.4 * step)
     time = log.time[inside]
@@ -458,10 +486,10 @@ def _averaged(
             mean[:, j] = np.interp(phase, phase[there], mean[there, j], period=T)
     if whole.mean() < 0.5:
         raise InputError(f"{log.source}: less than half of the period has usable forces")
-    reversal = _from_reversals(first + phase, motion, T)
+    reversal = _from_reversals(np.asarray(first + phase, dtype=float), motion, T)
     clear = whole & (reversal > _JUMP * step).all(axis=1)
     whole = clear if clear.mean() > 0.5 else whole
-    states = forces.from_actuators(*motion.at(first + phase[whole]))
+    states = _states(forces, log, motion.at(first + phase[whole]), mean[whole], prior)
     spectrum, omega = np.fft.rfft(mean, axis=0), 2 * np.pi / T * np.arange(count // 2 + 1)
     fade = np.clip(4 * np.arange(count // 2 + 1) / count - 1, 0.0, 1.0)  # without it, jumps would ring
     lowpass = (1 + np.cos(np.pi * fade)) / 2
@@ -472,9 +500,7 @@ def _averaged(
 
     rows = forces.rows(states)
     share = float((lowpass**2).mean()) / repeats
-    found = Sampled(
-        first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step
-    )
+    found = Sampled(first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step)
     return found, motion, repeats
 
 
@@ -495,7 +521,7 @@ def _from_reversals(time: FloatArray, motion: Motion, T: float = 0.0) -> FloatAr
 
 
 def _filtered(
-    forces: IdentifiableForces, log: MotorLog, good: Usable, smooth: Smooth
+    forces: IdentifiableForces, log: MotorLog, good: Usable, smooth: Smooth, prior: FloatArray | None
 ) -> tuple[Sampled, Motion]:
     """Return filtered forces and model, piece by piece between gaps."""
     way = checked(smooth)
@@ -510,11 +536,14 @@ def _filtered(
     half = _KERNEL / band
     if half < 2 * step:
         half = 0.0
+    for piece, one in zip(pieces, motions, strict=True):
+        _states(forces, log, one.at(log.time[piece][::20]), log.forces[piece][::20], prior)
     found = [_piece(forces, log, good, piece, one, half) for piece, one in zip(pieces, motions, strict=True)]
     time = np.concatenate([one.time for one in found])
     if len(time) < FEWEST // 2:
         raise InputError(
-            f"{log.source}: too short: {len(time)} independent samples at {band:.3g} Hz; record a longer motion"
+            f"{log.source}: too short: {len(time)} independent samples at {band:.3g} Hz; record a "
+            "longer motion"
         )
     noise = np.array([_differences(log.forces[good.kept[:, j], j]) for j in range(log.forces.shape[1])])
     joined = Sampled(
@@ -531,11 +560,39 @@ def _filtered(
     return joined, Motion(motions[0].at, band, residual)
 
 
+def _states(
+    forces: IdentifiableForces,
+    log: MotorLog,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    measured: FloatArray,
+    prior: FloatArray | None,
+) -> States:
+    """Return the states of a motion; an error says what may be wrong with the columns."""
+    if prior is not None and beyond_a_turn(forces, motion[0]):
+        told = wrong_columns(forces, motion, measured, prior, "beyond a turn")
+        if told:
+            raise InputError(f"{log.source}: {told}")
+    try:
+        forces.from_actuators(*(part[:: max(1, len(measured) // 5)] for part in motion))
+        return forces.from_actuators(*motion)
+    except (AssemblyError, SampleError) as error:
+        told = "" if prior is None else wrong_columns(forces, motion, measured, prior, str(error))
+        if told:
+            raise InputError(f"{log.source}: {told}") from error
+        low, high = motion[0].min(axis=0), motion[0].max(axis=0)
+        ranges = ", ".join(
+            f"{name} {a:.4g} to {b:.4g} {unit}"
+            for name, a, b, unit in zip(log.actuators, low, high, forces.position_units, strict=True)
+        )
+        raise InputError(f"{log.source}: the robot cannot follow {ranges}: {error}") from error
+
+
 def _joined(each: list[States]) -> States:
     """Return the states of several pieces as one, without the whole."""
     if len(each) == 1:
         return each[0]
-    return States(*(np.concatenate([getattr(one, name) for one in each]) for name in States._fields[:3]), None)
+    x, v, a = (np.concatenate([getattr(one, name) for one in each]) for name in States._fields[:3])
+    return States(x, v, a, None)
 
 
 def _differences(values: FloatArray) -> float:
@@ -600,7 +657,9 @@ def _piece(
             return np.stack(
                 [np.interp(at + delay, time[kept[:, j]], y[kept[:, j], j]) for j in range(m)], axis=-1
             )
-        return np.stack([_windows(time, at + delay, half, kept[:, j])[0] @ y[:, j] for j in range(m)], axis=-1)
+        return np.stack(
+            [_windows(time, at + delay, half, kept[:, j])[0] @ y[:, j] for j in range(m)], axis=-1
+        )
 
     reversal = _from_reversals(time, motion)
     nearest = np.stack([np.interp(at, time, reversal[:, j]) for j in range(m)], axis=-1)
@@ -630,5 +689,3 @@ def _windows(
     enough = sums > _WEIGHT * np.maximum(full, 1e-300)
     weight = weight / np.maximum(sums, 1e-300)[row]
     return csr_matrix((weight, column, pointer), shape=(len(at), len(time))), enough
-
-

@@ -33,6 +33,8 @@ _FIELDS = {
 """What of `JointData` has the parameters of a joint."""
 _FREE_SPEED, _FREE_RANGE = 1.0, 0.5
 """Largest speed and way of an actuator without limits [per second; rad, or share of the unit of length]."""
+_SEEN, _IDLE = 1e-6, 1e-2
+"""Share of a motion that actuators see; share of the least inertial forces above which they feel one."""
 _MARGIN = 0.05
 """Least singularity margin of actuation."""
 
@@ -178,7 +180,7 @@ class LoopForces:
     def __init__(self, robot: ClosedLoopModel) -> None:
         self._robot, model = robot, robot.model
         home = robot.assemble().q
-        if not robot.actuated or robot.mobility(home) > len(robot.actuated):
+        if not robot.actuated or _idle_felt(robot, home):
             raise ModelError(
                 f"{model.name}: {len(robot.actuated)} actuators do not determine a motion with "
                 f"{robot.mobility(home)} degrees of freedom; lock the others, or name more actuated joints"
@@ -332,6 +334,26 @@ class LoopForces:
                 changed[joint] = replace(entry, **{_FIELDS[what]: -new if what == "preload" else new})
         model.armature = armature
         return ClosedLoopModel(model, replace(self._robot.sidecar, joint_data=tuple(changed.values())))
+
+
+def _idle_felt(robot: ClosedLoopModel, q: FloatArray) -> bool:
+    """Return whether actuators feel what moves while they stand still; not a rod that spins between balls."""
+    J = robot.closure_jacobian(q)
+    N = np.linalg.svd(J)[2][robot.rank(q) :].T if J.size else np.eye(robot.model.nv)
+    _, values, turned = np.linalg.svd(N[robot.actuated_v])
+    seen = int(np.count_nonzero(values > _SEEN * values.max(initial=0.0)))
+    if seen == N.shape[1]:
+        return False
+    rest = np.zeros(robot.model.nv)
+
+    def inertial(way: FloatArray) -> float:
+        there = robot.force_regressor(q, rest, way)
+        return float(np.abs(there.forces @ there.parameters + there.external - held).max(initial=0.0))
+
+    at_rest = robot.force_regressor(q, rest, rest)
+    held = at_rest.forces @ at_rest.parameters + at_rest.external
+    own = min(inertial(N @ turned[k]) for k in range(seen))
+    return max(inertial(N @ turned[k]) for k in range(seen, N.shape[1])) > _IDLE * own
 
 
 def pseudo_inertia(ten: FloatArray) -> FloatArray:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import ANGLES, LENGTHS, FloatArray, FrozenArrays, as_floats, shown
+from p3dof._base.checks import ANGLES, LENGTHS, FloatArray, FrozenArrays, as_floats, name_and_unit, shown
 from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text, write_table
 from p3dof._base.files.archives import READ, damage_told, pyarrow
@@ -93,7 +94,8 @@ class MotorLog(FrozenArrays):
             values = as_floats(f"{self.source}: {what}", getattr(self, what))
             if values.shape != (count, len(self.actuators)):
                 raise InputError(
-                    f"{self.source}: {what}: expected shape ({count}, {len(self.actuators)}), got {values.shape}"
+                    f"{self.source}: {what}: expected shape ({count}, {len(self.actuators)}), got "
+                    f"{values.shape}"
                 )
             for i, j in np.argwhere(~np.isfinite(values)):
                 raise InputError(
@@ -105,7 +107,8 @@ class MotorLog(FrozenArrays):
             object.__setattr__(self, what, frozen)
         if count < FEWEST:
             raise InputError(
-                f"{self.source}: too short: {count} samples, expected at least {FEWEST}; record a longer motion"
+                f"{self.source}: too short: {count} samples, expected at least {FEWEST}; record a "
+                "longer motion"
             )
 
     def __len__(self) -> int:
@@ -170,7 +173,7 @@ def read_log(
     parquet = isinstance(path, str | os.PathLike) and Path(path).suffix.lower() == ".parquet"
     if parquet:
         columns = _of_parquet(Path(path))  # type: ignore[arg-type]  # as the line above says
-        given = [csv_files.name_and_unit(name)[0] for name in columns]
+        given = [name_and_unit(name)[0] for name in columns]
         time, values, start = csv_files.of_columns(columns, source, _form(given, each))
     else:
         text = read_text(path, csv_files.MAX_BYTES)
@@ -189,7 +192,7 @@ def read_log(
 
 
 def _form(given: list[str], each: Mapping[str, Kind]) -> csv_files.Form:
-    """Return what a file holds: its own columns in their order where they are right, else what is expected."""
+    """Return what a file holds: its own columns in their order where right, else what is expected."""
     wanted = ["t", *each]
     forces = [CURRENT + name if CURRENT + name in given else FORCE + name for name in each]
     wanted += forces
@@ -220,7 +223,8 @@ def _per_ampere(
     if constants is None:
         if currents:
             raise InputError(
-                f"{source}: {CURRENT}{currents[0]} is a current: give constants, the force per ampere of each "
+                f"{source}: {CURRENT}{currents[0]} is a current: give constants, the force per ampere "
+                "of each "
                 "actuator [N/A or N m/A]"
             )
         return {}
@@ -263,7 +267,8 @@ def usable(log: MotorLog, units: Sequence[Kind]) -> Usable:
         force = log.forces[:, j]
         if not np.ptp(force) > 0:
             raise InputError(
-                f"{log.source}: the force of {name} is constant, {force[0]:g} {unit.force}: is its sensor connected, "
+                f"{log.source}: the force of {name} is constant, {force[0]:g} {unit.force}: is its "
+                "sensor connected, "
                 "its column the right one?"
             )
         if not np.ptp(log.positions[:, j]) > 0:
@@ -274,7 +279,8 @@ def usable(log: MotorLog, units: Sequence[Kind]) -> Usable:
         if at_limit.any():
             first, last = log.time[np.flatnonzero(at_limit)[[0, -1]]]
             told = (
-                f"the force of {name} is saturated: {np.count_nonzero(at_limit)} samples from t = {first:.4g} to "
+                f"the force of {name} is saturated: {np.count_nonzero(at_limit)} samples from t = "
+                f"{first:.4g} to "
                 f"{last:.4g} s lie at the extreme value {force[np.argmax(at_limit)]:.4g} {unit.force}"
             )
             if at_limit.mean() > _MOST_LEFT_OUT:
@@ -316,18 +322,24 @@ def _stepped(force: FloatArray, at: NDArray[np.bool_]) -> bool:
 
 def outliers(values: FloatArray) -> NDArray[np.bool_]:
     """Return which of the values (N,) are far from the median of those beside them (Hampel)."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, _WINDOW, mode="reflect"), 2 * _WINDOW + 1)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.pad(values, _WINDOW, mode="reflect"), 2 * _WINDOW + 1
+    )
     middle = np.median(windows, axis=1)
     spread = 1.4826 * np.median(np.abs(windows - middle[:, None]), axis=1)
     floor = np.quantile(spread, 0.9) + 1e-12 * np.abs(values).max()
-    return np.asarray(np.abs(values - middle) > _FAR * np.maximum(spread, floor))
+    found = np.abs(values - middle) > _FAR * np.maximum(spread, floor)
+    found[:_WINDOW] = found[-_WINDOW:] = False  # a step there has one side only
+    return np.asarray(found)
 
 
 def _outliers_told(what: str, name: str, time: FloatArray, far: NDArray[np.bool_]) -> str:
     first = float(time[np.argmax(far)])
     count = np.count_nonzero(far)
     many = f"{count} outliers, the first" if count > 1 else "an outlier"
-    return f"the {what} of {name} has {many} at t = {first:.4g} s: left out; look at its wiring and its shield"
+    return (
+        f"the {what} of {name} has {many} at t = {first:.4g} s: left out; look at its wiring and its shield"
+    )
 
 
 def _pieces(log: MotorLog, remarks: list[str]) -> tuple[slice, ...]:
@@ -339,11 +351,12 @@ def _pieces(log: MotorLog, remarks: list[str]) -> tuple[slice, ...]:
         many = f"{len(holes)} gaps, the longest" if len(holes) > 1 else "a gap"
         remarks.append(
             f"{log.source} has {many} from t = {log.time[worst]:.4g} to {log.time[worst + 1]:.4g} s "
-            f"({steps[worst] / np.median(steps):.0f} steps): the pieces beside it are taken by themselves; look "
+            f"({steps[worst] / np.median(steps):.0f} steps): the pieces beside it are taken by "
+            "themselves; look "
             "for lost messages"
         )
     ends = [0, *(holes + 1).tolist(), len(log)]
-    return tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+    return tuple(slice(a, b) for a, b in pairwise(ends))
 
 
 def require_actuators(log: MotorLog, actuators: Sequence[str]) -> None:

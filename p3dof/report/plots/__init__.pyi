@@ -5,6 +5,7 @@ from .calibration import calibration_figure
 from .common import save, save_all
 from .designs import comparison_figure, designs_figure, many_runs_figure, sweep_figure
 from .forces import energy_figure, forces_figure, joints_figure, reactions_figure, tracking_figure
+from .identification import predicted_figure, residuals_figure
 from .maps import loci_figure, map_figure, slices_figure
 from .mechanism import mechanism_figure
 from .designs import front_figure, optimum_figure
@@ -28,7 +29,9 @@ __all__ = [
     "map_figure",
     "mechanism_figure",
     "optimum_figure",
+    "predicted_figure",
     "reactions_figure",
+    "residuals_figure",
     "robot_run_figure",
     "save",
     "save_all",

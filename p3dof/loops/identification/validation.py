@@ -1,0 +1,275 @@
+"""Whether identified parameters are to be used: prediction on held-out data, tests of residuals and prior.
+
+References
+----------
+L. Ljung, System Identification, Prentice Hall 1999, chapter 16 (validation on other
+data, tests of residuals).
+G. M. Ljung, G. E. P. Box, On a measure of lack of fit in time series models, Biometrika 65 (1978) 297-303.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from p3dof._base.checks import FloatArray, Readable
+from p3dof._base.tables import Table, percent, table_of
+from p3dof._base.time_series.smoothing import Smooth
+from p3dof.loops.identification.data import Period, PreparedLog, prepare_log
+from p3dof.loops.identification.identifying import Identification
+from p3dof.loops.identification.logs import MotorLog
+
+_GAIN = 0.98
+"""Error over the design's up to which an estimate is better."""
+_LAGS = 20
+_SURE = 1e-3
+"""Probability below which the prior is said to be wrong."""
+_NARROW, _WIDE = 2.5, 0.4
+"""Factors from which it is worth saying."""
+_LACKING = 4.0
+"""Chi-square over its expectation from which the model lacks something."""
+
+
+@dataclass(frozen=True, eq=False)
+class Validation(Readable):
+    """How an identified robot predicts the forces of a log that it was not identified from.
+
+    Parameters
+    ----------
+    identification : Identification
+        What is validated.
+    data : PreparedLog
+        The held-out log.
+    residuals, design_residuals : (N, m) array
+        Measured less predicted forces, and those of the design [N or N m].
+    error, design_error, size : (m,) array
+        Root mean square of the residuals, of the design's, and of the forces [N or N m].
+    whiteness : (m,) array
+        Probability of residuals as correlated as these, if they were white noise (Ljung-Box).
+    chi_square : float
+        Mean square of the residuals over their predicted variance, noise and doubts of the parameters: one
+        if all is well.
+    better : bool
+        Whether to use it.
+    verdict : str
+        The same in a sentence.
+    remarks : tuple of str
+        What else to know, and what to do.
+    """
+
+    identification: Identification
+    data: PreparedLog
+    residuals: FloatArray
+    design_residuals: FloatArray
+    error: FloatArray
+    design_error: FloatArray
+    size: FloatArray
+    whiteness: FloatArray
+    chi_square: float
+    better: bool
+    verdict: str
+    remarks: tuple[str, ...]
+
+
+def validate(
+    identification: Identification,
+    log: MotorLog,
+    *,
+    period: Period = "auto",
+    smooth: Smooth = "auto",
+    check: bool = True,
+) -> Validation:
+    """Predict the forces of a log that the parameters were not identified from.
+
+    Parameters
+    ----------
+    identification : Identification
+        From another log.
+    log : MotorLog
+        A motion like those that the robot is used for.
+    period, smooth, check
+        As of `prepare_log`; the delay is the one that was identified.
+
+    Raises
+    ------
+    P3dofError
+        As of `prepare_log`.
+    """
+    forces = identification.forces
+    data = prepare_log(
+        forces, log, period=period, smooth=smooth, delay=identification.data.delay,
+        deviations=identification.prior, check=check,
+    )  # fmt: skip
+    measured = data.forces - data.rows.known
+    residuals = measured - data.rows.columns @ identification.parameters - identification.offsets
+    design = measured - data.rows.columns @ forces.design
+    design = design - design.mean(axis=0) if identification.offsets.any() else design
+    error, before, size = (np.sqrt((x**2).mean(axis=0)) for x in (residuals, design, data.forces))
+    total, total_before = (float(np.sqrt(((x / size) ** 2).mean())) for x in (error, before))
+    better = total <= _GAIN * total_before
+    chi_square = _chi_square(identification, data, residuals)
+    white = np.array([ljung_box(column) for column in residuals.T])
+    remarks = [*data.remarks, *_prior_told(identification)]
+    if chi_square > _LACKING:
+        remarks.append(
+            f"errors on held-out data are {np.sqrt(chi_square):.2g} times those predicted by noise "
+            "and doubts: the "
+            "model lacks something (elasticity, backlash, friction that depends on load or temperature)"
+        )
+    told = _in_units(error, before, forces.force_units)
+    start = "Better than the design" if better else "Do not use: not better than the design"
+    return Validation(
+        identification, data, residuals, design, error, before, size, white, chi_square, better,
+        f"{start} on held-out data: {told}.", tuple(remarks),
+    )  # fmt: skip
+
+
+def _in_units(error: FloatArray, before: FloatArray, units: tuple[str, ...]) -> str:
+    found = []
+    for unit in dict.fromkeys(units):
+        own = np.array([one == unit for one in units])
+        now, then = (float(np.sqrt((x[own] ** 2).mean())) for x in (error, before))
+        found.append(f"{now:.3g} {unit} rms instead of {then:.3g}")
+    return ", ".join(found)
+
+
+def _chi_square(identification: Identification, data: PreparedLog, residuals: FloatArray) -> float:
+    """Return rᵀ (noise + A Σ Aᵀ)⁻¹ r over its expectation, by the matrix inversion lemma."""
+    P = len(identification.forces.names)
+    w, V = np.linalg.eigh(identification.estimate.covariance[:P, :P])
+    keep = w > 1e-14 * max(float(w.max(initial=0.0)), 1e-300)
+    B = (data.rows.columns @ (V[:, keep] * np.sqrt(w[keep]))) / data.noise[:, None]
+    B, r = B.reshape(-1, B.shape[-1]), (residuals / data.noise).ravel()
+    h = B.T @ r
+    return float(r @ r - h @ np.linalg.solve(np.eye(len(h)) + B.T @ B, h)) / len(r)
+
+
+def ljung_box(values: FloatArray, lags: int = _LAGS) -> float:
+    """Return the probability of values (N,) as correlated as these, if they were white noise.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        Residuals in the order of time.
+    lags : int
+        Up to which lag correlations count; at most a fifth of the values.
+    """
+    from scipy.stats import chi2
+
+    x, n = values - values.mean(), len(values)
+    k = np.arange(1, max(1, min(lags, n // 5)) + 1)
+    size = float(x @ x)
+    if size == 0:
+        return 1.0
+    correlation = np.array([x[lag:] @ x[:-lag] for lag in k]) / size
+    return float(chi2.sf(n * (n + 2) * (correlation**2 / (n - k)).sum(), len(k)))
+
+
+def _prior_told(found: Identification) -> list[str]:
+    """Return a line if the prior contradicts what the forces show."""
+    factor, share = found.prior_factor, found.prior_share
+    if not share < _SURE:
+        return []
+    if factor > _NARROW:
+        return [
+            f"the prior is too narrow: what the forces show differs from the design by {factor:.2g} "
+            "times what it "
+            "expects; widen it, or look for an error of the design"
+        ]
+    if factor < _WIDE:
+        return [
+            f"the prior is too wide: what the forces show differs from the design by {factor:.2g} of "
+            "what it expects; "
+            "narrow it, and parameters that the forces hardly show become surer"
+        ]
+    return []
+
+
+def validation_table(found: Validation) -> Table:
+    """Return the errors of each actuator on held-out data."""
+    forces = found.identification.forces
+    rows = {
+        name: (unit, size, before, now, percent(now / size), f"{p:.2g}")
+        for name, unit, size, before, now, p in zip(
+            forces.actuators, forces.force_units, found.size, found.design_error, found.error,
+            found.whiteness, strict=True,
+        )
+    }  # fmt: skip
+    header = ("", "unit", "force rms", "design's error", "error", "of the force", "white (p)")
+    note = (
+        f"Mean square of the errors over their predicted variance: {found.chi_square:.3g} (1 if all is well)."
+    )
+    return table_of("Held-out data", header, rows, note)
+
+
+def parameters_table(found: Identification, all_of_them: bool = False) -> Table:
+    """Return the parameters that the forces showed, in words, with standard deviations."""
+    forces, rows = found.forces, {}
+    for i in np.argsort(-found.seen, kind="stable"):
+        if not all_of_them and found.seen[i] < 0.1:
+            break
+        rows[in_words(forces.names[i])] = (
+            unit_of(forces.names[i], forces),
+            *(f"{x:.4g}" for x in (forces.design[i], found.parameters[i], found.deviations[i])),
+            percent(float(found.seen[i]), 0),
+        )
+    header = ("parameter", "unit", "design", "identified", "standard deviation", "seen")
+    note = (
+        "Seen: how much of the doubt about it the forces removed. Others stay near the design; "
+        "forces need not "
+        "show single bodies, combinations of them do for predictions."
+    )
+    return table_of("Parameters that the forces show", header, rows, note, "list")
+
+
+def combinations_table(found: Identification) -> Table:
+    """Return the combinations of parameters that the forces show."""
+    each = found.estimate.combinations
+    rows = {words: (f"{value:.5g}", f"{spread:.2g}") for words, value, spread in each}
+    return table_of("Combinations that the forces show", ("combination", "value", "standard deviation"), rows,
+                    layout="list")  # fmt: skip
+
+
+_WORDS = {
+    "m": "mass",
+    "mx": "first moment along x",
+    "my": "first moment along y",
+    "mz": "first moment along z",
+    "Ixx": "inertia xx",
+    "Ixy": "inertia xy",
+    "Iyy": "inertia yy",
+    "Ixz": "inertia xz",
+    "Iyz": "inertia yz",
+    "Izz": "inertia zz",
+    "armature": "rotor inertia, reflected",
+    "damping": "viscous friction",
+    "friction": "Coulomb friction",
+    "stiffness": "stiffness",
+    "spring": "spring",
+    "preload": "constant force",
+    "counterbalance": "counterbalance",
+    "constant": "offset",
+}
+_UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
+
+
+def in_words(name: str) -> str:
+    """Return a parameter's name in words."""
+    body, _, what = name.rpartition(".")
+    return f"{body}: {_WORDS.get(what, what)}"
+
+
+def unit_of(name: str, forces: object) -> str:
+    """Return the unit of a parameter."""
+    owner, _, what = name.rpartition(".")
+    actuators: tuple[str, ...] = getattr(forces, "actuators", ())
+    if what in _UNITS or what.startswith("I"):
+        return _UNITS.get(what, "kg m²")
+    slides = owner in actuators and forces.force_units[actuators.index(owner)] == "N"  # type: ignore[attr-defined]
+    turned = {
+        "armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m"), "friction": ("N m", "N"),
+        "stiffness": ("N m/rad", "N/m"), "spring": ("N m/rad", "N/m"), "preload": ("N m", "N"),
+        "counterbalance": ("N m", "N"), "constant": ("N m", "N"),
+    }  # fmt: skip
+    return turned[what][slides] if what in turned else ""

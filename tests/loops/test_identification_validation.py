@@ -1,0 +1,177 @@
+"""Identified robots on held-out data: better than the design, honest about noise, prior and doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gallery import gallery
+from motor_logs import fourier_motion, motor_log, truth_of
+
+import p3dof
+from p3dof.analysis.identification import MachineForces
+from p3dof.loops.identification.forces import LoopForces
+from p3dof.loops.identification.identifying import identify
+from p3dof.loops.identification.validation import (
+    combinations_table,
+    in_words,
+    ljung_box,
+    parameters_table,
+    unit_of,
+    validate,
+    validation_table,
+)
+from p3dof.machine.parameters import read_parameters, write_parameters
+
+COUNTS, NOISE = 2 * np.pi / 8192, 0.02
+
+
+def logs_of(forces, truth, sizes, noise, counts, rate=250.0, seconds=3.0):
+    """A log to identify from, periodic; one of another motion to validate on."""
+    motions = (fourier_motion(forces.home, size * sizes, T, 4, seed) for size, T, seed in
+               ((1.0, 1.5, 1), (0.7, 2.3, 2)))  # fmt: skip
+    settings = {"rate": rate, "noise": noise, "counts": counts, "delay": 0.003}
+    return [motor_log(forces, truth, motion, seconds, seed=i, **settings) for i, motion in enumerate(motions)]
+
+
+@pytest.fixture(scope="module")
+def five_bar():
+    forces = LoopForces(gallery("five_bar"))
+    truth = truth_of(forces, seed=3)
+    return forces, truth, logs_of(forces, truth, np.full(2, 0.4), NOISE, COUNTS)
+
+
+@pytest.fixture(scope="module")
+def found(five_bar):
+    forces, _, (log, other) = five_bar
+    identified = identify(forces, log)
+    return identified, validate(identified, other)
+
+
+def friction_within(identified, truth, sigmas=3.0):
+    forces = identified.forces
+    own = [
+        i for i, name in enumerate(forces.names)
+        if name.rpartition(".")[0] in forces.actuators and name.endswith(("damping", "friction"))
+    ]  # fmt: skip
+    apart = np.abs(identified.parameters - truth)[own] / identified.deviations[own]
+    return len(own) == 2 * len(forces.actuators) and (apart < sigmas).all()
+
+
+def test_held_out_forces_are_those_of_the_robot_as_built(five_bar, found):
+    _, truth, _ = five_bar
+    identified, checked = found
+    assert checked.better
+    assert (checked.error < checked.design_error / 30).all()
+    assert checked.verdict.startswith("Better than the design on held-out data: 0.0")
+    assert checked.chi_square == pytest.approx(1.0, abs=0.5)
+    assert friction_within(identified, truth)
+    assert not checked.remarks
+
+
+def test_the_machine_learns_its_friction_and_writes_a_file_that_has_it(tmp_path):
+    forces = MachineForces()
+    truth = truth_of(forces, seed=3)
+    log, other = logs_of(forces, truth, np.array([0.1, 0.1, 0.4]), 1.0, 1e-5)
+    identified = identify(forces, log)
+    checked = validate(identified, other)
+    assert checked.better
+    assert (checked.error < 0.1 * checked.design_error).all()
+    assert friction_within(identified, truth)
+    write_parameters(identified.robot, tmp_path / "machine.yaml")
+    again = MachineForces(read_parameters(tmp_path / "machine.yaml"))
+    states = checked.data.states
+    rows, own = forces.rows(states), again.rows(states)
+    predicted = rows.columns @ identified.parameters + rows.known
+    np.testing.assert_allclose(
+        own.columns @ again.design + own.known, predicted, rtol=0, atol=1e-10 * np.abs(predicted).max()
+    )
+
+
+def test_the_robot_that_is_written_has_the_identified_forces(tmp_path, found):
+    identified, checked = found
+    identified.robot.write(tmp_path / "robot.urdf")
+    again = LoopForces(p3dof.load_robot(tmp_path / "robot.urdf"))
+    states = checked.data.states
+    rows = identified.forces.rows(states)
+    own = again.rows(again.from_actuators(*states[:3]))
+    predicted = rows.columns @ identified.parameters + rows.known
+    np.testing.assert_allclose(
+        own.columns @ again.design + own.known, predicted, rtol=0, atol=1e-9 * np.abs(predicted).max()
+    )
+
+
+@pytest.mark.slow
+def test_a_leg_with_rods_between_balls_learns(tmp_path):
+    forces = LoopForces(gallery("leg"))
+    truth = truth_of(forces, seed=3)
+    log, other = logs_of(forces, truth, np.full(6, 0.25), 0.05, 2 * np.pi / 16384)
+    identified = identify(forces, log)
+    checked = validate(identified, other)
+    assert (checked.error < 0.1 * checked.design_error).all()
+    assert friction_within(identified, truth, 3.5)  # the largest of twelve
+    assert abs(identified.data.delay - 0.003) < 4 * identified.data.delay_deviation
+
+
+@pytest.mark.parametrize(("scale", "words"), [(0.1, "too narrow"), (10.0, "too wide"), (1.0, "")])
+def test_a_prior_that_the_forces_contradict_is_told(five_bar, scale, words):
+    forces, _, (log, other) = five_bar
+    identified = identify(forces, log, deviations=scale * forces.deviations(), consistent=False)
+    told = [one for one in validate(identified, other).remarks if "the prior is" in one]
+    assert len(told) == bool(words)
+    assert all(words in one for one in told)
+
+
+def test_what_is_not_better_than_the_design_is_not_to_be_used(five_bar):
+    """The held-out robot is the design: what another one taught is wrong for it."""
+    forces, truth, (log, _) = five_bar
+    _, other = logs_of(forces, forces.design, np.full(2, 0.4), NOISE, COUNTS)
+    identified = identify(forces, log)
+    checked = validate(identified, other)
+    assert not checked.better
+    assert checked.verdict.startswith("Do not use: not better than the design on held-out data: ")
+    assert checked.chi_square > 10
+    assert any("the model lacks something" in told for told in checked.remarks)
+    assert np.abs(truth - forces.design).max() > 0
+
+
+def test_offsets_of_sensors_are_found_beside_the_weight(five_bar):
+    forces, truth, (log, other) = five_bar
+    shifted = replace(log, forces=log.forces + np.array([0.2, -0.1]))
+    identified = identify(forces, shifted, offsets=True)
+    spread = identified.estimate.deviations[-2:]
+    assert (np.abs(identified.offsets - [0.2, -0.1]) < 3.5 * spread).all()
+    assert (spread < 0.1).all()
+    checked = validate(identified, replace(other, forces=other.forces + np.array([0.2, -0.1])))
+    assert (checked.error < checked.design_error / 10).all()
+    assert not identify(forces, log).offsets.any()
+    assert friction_within(identified, truth)
+
+
+def test_ljung_box_tells_white_noise_from_coloured():
+    rng = np.random.default_rng(0)
+    p = np.array([ljung_box(rng.normal(size=400)) for _ in range(200)])
+    assert 0.02 < (p < 0.05).mean() < 0.09
+    assert (p > 0.5).mean() == pytest.approx(0.5, abs=0.12)
+    walk = rng.normal(size=400)
+    assert ljung_box(walk + 0.5 * np.roll(walk, 1)) < 1e-6
+    assert ljung_box(np.zeros(50)) == 1.0
+
+
+def test_tables_say_it_in_words(found):
+    identified, checked = found
+    rows = {row[0]: row for row in parameters_table(identified).rows}
+    assert rows["left_motor: viscous friction"][1] == "N m s/rad"
+    assert rows["left_motor: Coulomb friction"][-1] == "100%"
+    assert len(parameters_table(identified, all_of_them=True).rows) == len(identified.forces.names)
+    assert [row[0] for row in validation_table(checked).rows] == ["left_motor", "right_motor"]
+    assert any("left_motor.friction" in str(row[0]) for row in combinations_table(identified).rows)
+    assert in_words("slider_a.Ixy") == "slider_a: inertia xy"
+    machine = MachineForces()
+    units = {name.rpartition(".")[2]: unit_of(name, machine) for name in machine.names}
+    assert units == {
+        "m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m", "Ixx": "kg m²", "Ixy": "kg m²", "Iyy": "kg m²",
+        "Ixz": "kg m²", "Iyz": "kg m²", "Izz": "kg m²", "armature": "kg", "counterbalance": "N",
+        "spring": "N/m", "damping": "N s/m", "friction": "N",
+    }  # fmt: skip
