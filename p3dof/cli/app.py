@@ -82,13 +82,15 @@ COMMANDS = {
         "sensitivity": ("p3dof.cli.tolerance", "Compute sensitivities (local, Sobol')."),
         "tolerance": ("p3dof.cli.tolerance", "Tolerance analysis of poses and forces."),
     },
-    "Measure": {"identify": ("p3dof.cli.identify", "Identify inertia and friction from a log.")},
     "Control": {
         "simulate": ("p3dof.cli.simulate", "Simulate the machine under control."),
         "runs": ("p3dof.cli.simulate", "Run a batch of simulations from a table."),
         "codegen": ("p3dof.cli.codegen", "Generate C99 code for a controller."),
     },
-    "Measure": {"calibrate": ("p3dof.cli.identify", "Calibrate legs and encoders from measured poses.")},
+    "Measure": {
+        "identify": ("p3dof.cli.identify", "Identify inertia and friction from a log of the sliders."),
+        "calibrate": ("p3dof.cli.identify", "Calibrate legs and encoders from measured poses."),
+    },
     "Any robot": {"loop": ("p3dof.cli.loop", "Any closed-loop robot: forces, simulation, C.")},
 }
 """The commands by what they are for, each heading in the order of work.

@@ -1,6 +1,4 @@
-"""`p3dof calibrate`: a machine from what was measured of it."""
-
-"""`p3dof identify`: inertia and friction of the machine from a log of its sliders."""
+"""What was measured of the machine: `p3dof identify` its inertia and friction, `calibrate` its legs."""
 
 from __future__ import annotations
 
@@ -11,13 +9,48 @@ import click
 import numpy as np
 
 from p3dof._base.files import write_table
+from p3dof.analysis.identification import MachineForces
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, write_results
 from p3dof.cli.kinds import FIGURE
+from p3dof.cli.loop.identify import Asked, asked_options, command_of, identified
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.measuring import MEASURING, parted, poses_in, require_plan, rms, tell_noise
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
-from p3dof.machine.parameters import write_parameters
+from p3dof.machine.parameters import Parameters, write_parameters
+
+
+@app.command()
+@click.argument("data", type=InputFile())
+@PARAMETERS
+@asked_options
+@click.option(
+    "--out",
+    type=OutputFile("parameters"),
+    help="Parameter file to write with the identified machine (.yaml).",
+)
+def identify(data: Path, parameters: Path | None, asked: Asked, out: Path | None) -> int:
+    """Identify inertia and friction of the machine from DATA, a log of its sliders.
+
+    DATA is CSV or Parquet: t,slide_a,slide_b,slide_c and force:slide_a (or current:slide_a) and so on; units
+    in square brackets. Velocities, the delay of the forces, and noise are found from it.
+
+    Exit code 1 when the held-out log of --validate is predicted no better than by the design; no parameters
+    are written then.
+    """
+    protect([data, parameters, asked.held_out], [out, asked.report_file])
+    held_out = [] if asked.held_out is None else ["--validate", asked.held_out]
+    own = [] if parameters is None else ["--parameters", parameters]
+    command = command_of("p3dof identify", data, *own, *held_out)
+
+    def save(found: Parameters) -> list[Path]:
+        assert out is not None  # noqa: S101 - else it is not called
+        write_parameters(found, out)
+        return [out]
+
+    forces: Any = MachineForces(machine_of(parameters, None))
+    return identified(forces, data, asked, None if out is None else save, command)
+
 
 _WORDS = {"sigma:": "--sigma:", "tolerances": "--sigma", "tolerance of": "--sigma", "sigma of": "--sigma"}
 """What arguments of Python are here."""
@@ -108,43 +141,3 @@ def calibrate(
     print_warnings(console, [f"pose {k + 1}, {name}: does not fit the others" for k, name in found.outliers])
     print_written(console, written)
     return 0
-
-
-from p3dof.analysis.identification import MachineForces
-from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFile
-from p3dof.cli.loop.identify import Asked, asked_options, command_of, identified
-from p3dof.cli.machine import PARAMETERS
-from p3dof.machine.parameters import Parameters
-
-
-@app.command()
-@click.argument("data", type=InputFile())
-@PARAMETERS
-@asked_options
-@click.option(
-    "--out",
-    type=OutputFile("parameters"),
-    help="Parameter file to write with the identified machine (.yaml).",
-)
-def identify(data: Path, parameters: Path | None, asked: Asked, out: Path | None) -> int:
-    """Identify inertia and friction of the machine from DATA, a log of its sliders.
-
-    DATA is CSV or Parquet: t,slide_a,slide_b,slide_c and force:slide_a (or current:slide_a) and so on; units
-    in square brackets. Velocities, the delay of the forces, and noise are found from it.
-
-    Exit code 1 when the held-out log of --validate is predicted no better than by the design; no parameters
-    are written then.
-    """
-    protect([data, parameters, asked.held_out], [out, asked.report_file])
-    held_out = [] if asked.held_out is None else ["--validate", asked.held_out]
-    own = [] if parameters is None else ["--parameters", parameters]
-    command = command_of("p3dof identify", data, *own, *held_out)
-
-    def save(found: Parameters) -> list[Path]:
-        assert out is not None  # noqa: S101 - else it is not called
-        write_parameters(found, out)
-        return [out]
-
-    forces: Any = MachineForces(machine_of(parameters, None))
-    return identified(forces, data, asked, None if out is None else save, command)

@@ -103,7 +103,7 @@ def test_the_robot_that_is_written_has_the_identified_forces(tmp_path, found):
 
 
 @pytest.mark.slow
-def test_a_leg_with_rods_between_balls_learns(tmp_path):
+def test_a_leg_with_rods_between_balls_learns():
     forces = LoopForces(gallery("leg"))
     truth = truth_of(forces, seed=3)
     log, other = logs_of(forces, truth, np.full(6, 0.25), 0.05, 2 * np.pi / 16384)

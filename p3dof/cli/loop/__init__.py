@@ -12,9 +12,9 @@ COMMANDS = {
         "simulate": ("p3dof.cli.loop.simulate", "Simulate a robot, under control or constant forces."),
     },
     "Measure": {
-        "calibrate": ("p3dof.cli.loop.identify", "Calibrate lengths and encoders from measured poses.")
+        "identify": ("p3dof.cli.loop.identify", "Identify inertia and friction from a log."),
+        "calibrate": ("p3dof.cli.loop.identify", "Calibrate lengths and encoders from measured poses."),
     },
-    "Measure": {"identify": ("p3dof.cli.loop.identify", "Identify inertia and friction from a log.")},
     "See and export": {
         "show": ("p3dof.cli.loop.show", "Show a robot and its forces in the browser."),
         "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF, glTF or ROS package."),
