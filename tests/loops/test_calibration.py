@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from gallery import gallery
-from linear_delta import ANGLES, ARM, PLATE, RADIUS, heights_of, linear_delta, spheres
+from linear_delta import ANGLES, ARM, RADIUS, heights_of, linear_delta, spheres
 from numpy.testing import assert_allclose
 from table_numbers import check_evidence, check_table, shows
 
@@ -24,7 +24,7 @@ ALL = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def delta_parameters(robot):
-    """Rods of one length, the radius of the towers, their angles to first order; tolerances of all."""
+    """Rods of one length, the radius of the towers, their shifts along its circle; tolerances of all."""
     along = dict(zip(TOWERS, zip(np.cos(ANGLES), np.sin(ANGLES), strict=True), strict=True))
     combined = {
         "arms": [f"{closure.name}.length" for closure in robot.sidecar.closures],
@@ -32,10 +32,9 @@ def delta_parameters(robot):
             f"{tower}.{axis}": x for tower, xy in along.items() for axis, x in zip("xy", xy, strict=True)
         },
     }
-    for tower, (c, s) in along.items():
-        r = RADIUS + PLATE
-        combined[f"angle_{tower[-1]}"] = {f"{tower}.yaw": 1.0, f"{tower}.x": -s * r, f"{tower}.y": c * r}
-    tolerances = {"arms": 1e-3, "radius": 1e-3, "angle_?": 0.01, "tower_?.offset": 2e-3}
+    for tower, (c, s) in along.items():  # rods stay parallel in pairs, so that the platform does not turn
+        combined[f"along_{tower[-1]}"] = {f"{tower}.x": -s, f"{tower}.y": c}
+    tolerances = {"arms": 1e-3, "radius": 1e-3, "along_?": 1e-3, "tower_?.offset": 2e-3}
     return tolerances, combined
 
 
@@ -83,7 +82,7 @@ def test_errors_of_a_delta_are_found_to_rounding_from_exact_positions(delta):
     assert values["arms"] == pytest.approx(4e-4, abs=1e-12)
     assert values["radius"] == pytest.approx(-3e-4, abs=1e-12)
     assert_allclose([found.offsets[tower] for tower in TOWERS], OFFSETS, rtol=0, atol=1e-12)
-    assert_allclose([values[f"angle_{one}"] for one in "abc"], 0, atol=1e-12)
+    assert_allclose([values[f"along_{one}"] for one in "abc"], 0, atol=1e-12)
     assert np.abs(found.after[0]).max() < 1e-14
     assert np.abs(found.before[0]).max() > 5e-4
     others, there = delta_poses(20, seed=1)
@@ -130,6 +129,35 @@ def test_a_delta_is_calibrated_by_touching_its_plate(delta):
     flat = found.errors(Measurements(heights, np.zeros(len(grid)), "z", "tool", 1e-6))[0]
     assert np.abs(flat).max() < 5e-6  # rods of a wrong length are known to the tolerance only
     assert np.ptp(before.before[0]) > 100 * np.ptp(flat)
+
+
+def test_constants_of_firmware_are_those_of_the_true_printer(delta):
+    """Klipper and Marlin, by what their constants mean, stand where the true Delta does: three spheres."""
+    tolerances, combined = delta_parameters(delta)
+    turned = np.array([1e-3, -5e-4, 0.0])
+    readings, _ = delta_poses(20)
+    positions = np.array([spheres(at, **TRUE, angles=ANGLES + turned) for at in readings - OFFSETS])
+    found = calibrate(delta, Measurements(readings, positions, XYZ, "tool", 1e-6), tolerances, combined)
+    value = dict(zip(found.names, found.parameters, strict=True))
+    arm, radius = ARM + value["arms"], RADIUS + value["radius"]
+    angles = ANGLES + [value[f"along_{one}"] / RADIUS for one in "abc"]
+    # Shifts for turns: radius times the square of an angle, 0.06 µm, and what the condition makes of it.
+    assert_allclose(angles - ANGLES, turned, rtol=0, atol=3e-6)
+    old = 0.3  # position_endstop so far: the nozzle's height over the middle where the switches trigger
+    believed = old + np.sqrt(ARM**2 - RADIUS**2)  # the carriages there
+    switch = believed - [found.offsets[tower] for tower in TOWERS]
+    endstops = switch - np.sqrt(arm**2 - radius**2)
+    # Klipper: a carriage at its switch is at position_endstop + sqrt(arm_length² - delta_radius²).
+    down = believed - readings  # how far carriages have gone down from their switches, as steps are counted
+    for steps, there in zip(down, positions, strict=True):
+        carriage = endstops + np.sqrt(arm**2 - radius**2) - steps
+        assert_allclose(spheres(carriage, radius, (arm,) * 3, angles), there, rtol=0, atol=3e-7)
+    # Marlin: after homing each carriage has gone down by -M666 and all count as at H over the middle.
+    adjust, height = switch.min() - switch, endstops.min()
+    assert (adjust <= 0).all()
+    for steps, there in zip(down, positions, strict=True):
+        carriage = height + np.sqrt(arm**2 - radius**2) - (steps + adjust)
+        assert_allclose(spheres(carriage, radius, (arm,) * 3, angles), there, rtol=0, atol=3e-7)
 
 
 def touching(x, y, plate):
@@ -346,10 +374,9 @@ def test_a_plan_tells_the_deviations_that_the_calibration_has(delta):
         delta, Measurements(readings, positions, XYZ, "tool", 1e-5), 8, tolerances, combined
     )
     assert plan.observability > 1.2 * plan.random
-    units = [180 / np.pi if name[:5] == "angle" else 1e3 for name in plan.names]
     rows = {
-        f"{name} [{'mm' if unit == 1e3 else 'deg'}]": (unit * sd, unit * tolerance)
-        for name, unit, sd, tolerance in zip(plan.names, units, plan.deviations, plan.tolerances, strict=True)
+        f"{name} [mm]": (1e3 * sd, 1e3 * tolerance)
+        for name, sd, tolerance in zip(plan.names, plan.deviations, plan.tolerances, strict=True)
     }
     check_table(plan.table(), rows, note=(plan.observability, plan.random))
     found = {}
