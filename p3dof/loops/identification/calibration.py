@@ -37,7 +37,7 @@ from p3dof.loops.identification.displacements import (
     displacements,
 )
 from p3dof.loops.identification.fitting import (
-    Choice,
+    ChosenPoses,
     Combinations,
     Fit,
     chosen_poses,
@@ -591,7 +591,7 @@ def plan_measurements(
 
 
 def plan_of(
-    chosen: Choice, white: FloatArray, readings: FloatArray, parameters: Displacements
+    chosen: ChosenPoses, white: FloatArray, readings: FloatArray, parameters: Displacements
 ) -> MeasurementPlan:
     """Return a plan, compared with random ones."""
     rng, count = np.random.default_rng(0), len(chosen.poses)

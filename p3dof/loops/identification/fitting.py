@@ -245,7 +245,7 @@ def outliers_of(found: Fit, tolerances: FloatArray) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class ChosenPoses:
     """Poses that were chosen of many."""
 
     poses: NDArray[np.int_]  # (K,): which, in rising order
@@ -254,7 +254,7 @@ class Choice:
     exchanges: int  # how many improved the first choice
 
 
-def chosen_poses(rows: FloatArray, tolerances: FloatArray, count: int) -> Choice:
+def chosen_poses(rows: FloatArray, tolerances: FloatArray, count: int) -> ChosenPoses:
     """Return the poses that make the parameters' covariance least: D-optimal.
 
     The first are taken one after the other, each of which adds most to log det of the information; then poses
@@ -299,7 +299,7 @@ def chosen_poses(rows: FloatArray, tolerances: FloatArray, count: int) -> Choice
     told = np.linalg.norm(Vt[basis.shape[1] :], axis=0, ord=np.inf) if len(Vt) > basis.shape[1] else None
     if told is not None:
         deviations = np.where(told > 1e-8, np.inf, deviations)
-    return Choice(poses, deviations, observability(rows[poses], tolerances), exchanges)
+    return ChosenPoses(poses, deviations, observability(rows[poses], tolerances), exchanges)
 
 
 def observability(rows: FloatArray, tolerances: FloatArray | None = None) -> float:
