@@ -16,6 +16,7 @@ from .derivatives import (
     HybridDynamicsDerivatives,
     InverseDynamicsDerivatives,
 )
+from .identification.data import PreparedLog, prepare_log
 from .identification.estimates import (
     ParameterEstimate,
     PayloadEstimate,
@@ -23,6 +24,9 @@ from .identification.estimates import (
     estimate_payload,
 )
 from .identification.forces import ExtendedForces, IdentifiableForces, LoopForces, prior_deviations
+from .identification.identifying import Identification, identify
+from .identification.logs import MotorLog, read_log
+from .identification.validation import Validation, validate
 from .margins import SingularityMargins
 from .minimal import FrameJacobian, MinimalDynamics
 from .model import ClosedLoopModel
@@ -80,6 +84,7 @@ __all__ = [
     "HybridDynamics",
     "HybridDynamicsDerivatives",
     "IdentifiableForces",
+    "Identification",
     "InverseDynamics",
     "InverseDynamicsDerivatives",
     "JointCompliance",
@@ -92,22 +97,29 @@ __all__ = [
     "Measurements",
     "MinimalDynamics",
     "MomentumObserver",
+    "MotorLog",
     "MotorSide",
     "ParameterEstimate",
     "PayloadEstimate",
+    "PreparedLog",
     "ReactionSolver",
     "ReflectedDynamics",
     "Sidecar",
     "SingularityMargins",
     "State",
     "Transmission",
+    "Validation",
     "beam",
     "calibrate",
     "estimate_parameters",
     "estimate_payload",
+    "identify",
     "load_robot",
     "plan_measurements",
+    "prepare_log",
     "prior_deviations",
     "reactions_batch",
     "reactions_by_each",
+    "read_log",
+    "validate",
 ]

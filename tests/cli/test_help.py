@@ -30,10 +30,12 @@ OPTIONS = r"""
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
 --brake-safety | number | Safety factor of holding brakes
+--centre-error | AMOUNT | Error of the mass centres
 --check | flag | Write nothing
 --closure-forces | flag | Show the closure forces
 --combine | NAME=PART,... | Parameter that changes several
 --compute | choice | Also compute this
+--constants | text | Force per ampere of the
 --controller | choice | PD control
 --coordinates | text | Joints, with commas
 --counterbalance | NUMBER[,B,C] | Counterbalance force on the sliders
@@ -49,6 +51,7 @@ OPTIONS = r"""
 --duration | number | Duration of
 --engines | choice | Also compute the forces with
 --equilibrium | flag | Start uncontrolled degrees of freedom
+--estimator | choice | Maximum a posteriori
 --every-tick | flag | Write a row at every
 --exact | flag | Keep massless links massless
 --external | FRAME=FX,FY,FZ[,MX,MY,MZ] / FRAME | (External wrench on a frame|Frame on which)
@@ -58,6 +61,7 @@ OPTIONS = r"""
 --float | flag | Single precision
 --floating | flag | Floating base
 --force | flag | Overwrite
+--force-delay | number | Time by which forces are
 --forces-out | FILE | File to write forces
 --format | choice | Format
 --fps | number | Frames per second of a
@@ -106,6 +110,7 @@ OPTIONS = r"""
 --objective | choice / text | (What is minimised|Measure to optimise)
 --observer | flag | A momentum observer
 --of | text | Result whose sensitivity is computed
+--offsets | flag | Estimate constant offsets
 --on-invalid | choice | At a sample that is
 --once | flag | With --meshcat: play once
 --only | choice | Draw only this figure
@@ -118,6 +123,7 @@ OPTIONS = r"""
 --paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
 --plan | POSES | Choose so many poses to
+--period | number | Period of the motion
 --plot | flag | Draw the figure
 --point | X,Y,Z | Point that distances are measured
 --points | whole number | Number of designs on the
@@ -170,11 +176,14 @@ OPTIONS = r"""
 --top | whole number | Number of \w+ to list
 --trace | FRAME | With --meshcat: draw the path
 --travel | MOST|FROM,TO | Stroke of the sliders
+--trust-columns | flag | Do not stop where columns
+--validate | FILE | Log of another motion
 --vary | NAME=VALUE | Parameter range
 --velocity | Y,Z,THETA | Velocities along y
 --video | FILE | Film to write
 --view | choice | What --figure draws
 --wasm | flag | Also WebAssembly for browsers and
+--widths | choice | Whether the width of the
 --workers | whole number | Number of worker processes
 --worst | number | Worst case
 --wrench | FILE | External load on the platform

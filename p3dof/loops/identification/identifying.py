@@ -132,7 +132,7 @@ def identify(
         columns = with_offsets(data.rows)
         design = np.concatenate([design, np.zeros(m)])
         doubt = np.concatenate([prior, OFFSET * np.sqrt((data.forces**2).mean(axis=0))])
-        names += tuple(f"force:{name}.constant" for name in forces.actuators)
+        names += tuple(f"{name}.offset" for name in forces.actuators)
     estimate = estimate_parameters(
         columns, data.forces - data.rows.known, design, doubt, data.noise,
         method=method, widths=widths, names=names, consistent=consistent,

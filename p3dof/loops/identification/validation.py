@@ -249,7 +249,10 @@ _WORDS = {
     "spring": "spring",
     "preload": "constant force",
     "counterbalance": "counterbalance",
-    "constant": "offset",
+    "stribeck": "Stribeck friction",
+    "load_friction": "friction by load",
+    "constant": "error of the motor constant",
+    "offset": "offset of the force",
 }
 _UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m"}
 
@@ -270,6 +273,6 @@ def unit_of(name: str, forces: object) -> str:
     turned = {
         "armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m"), "friction": ("N m", "N"),
         "stiffness": ("N m/rad", "N/m"), "spring": ("N m/rad", "N/m"), "preload": ("N m", "N"),
-        "counterbalance": ("N m", "N"), "constant": ("N m", "N"),
+        "counterbalance": ("N m", "N"), "offset": ("N m", "N"),
     }  # fmt: skip
     return turned[what][slides] if what in turned else ""
