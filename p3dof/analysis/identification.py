@@ -34,7 +34,7 @@ _OWN = ("viscous", "coulomb")
 _FRICTION = ("damping", "friction")
 _ACTUATOR = ("armature", "counterbalance", "spring")
 _MARGIN = 0.1
-"""Least angle from a singularity of actuation [rad]."""
+"""Least angle from a singularity of actuation, and of a leg from the horizontal, a serial one [rad]."""
 
 
 class MachineForces:
@@ -48,12 +48,12 @@ class MachineForces:
         Whether friction in the passive joints are parameters too; else it stays what the design has.
     """
 
-    position_units = ("m", "m", "m")
-    force_units = ("N", "N", "N")
-    actuators = tuple(SLIDES)
-    coordinates = ("y", "z", "theta")
-    coordinate_units = ("m", "m", "rad")
-    limits = (
+    position_units: tuple[str, ...] = ("m", "m", "m")
+    force_units: tuple[str, ...] = ("N", "N", "N")
+    actuators: tuple[str, ...] = tuple(SLIDES)
+    coordinates: tuple[str, ...] = ("y", "z", "theta")
+    coordinate_units: tuple[str, ...] = ("m", "m", "rad")
+    limits: tuple[str, ...] = (
         *(f"{what} of {name}" for what in ("position", "speed", "force") for name in SLIDES),
         "tilt",
         "singularity margin",
@@ -173,8 +173,12 @@ class MachineForces:
             (pose[:, 2:], *limits.tilt),
         )
         over = [np.maximum(x / high, x / low) - 1 for x, low, high in sides]
-        margin = singularity(self.parameters.geometry, pose).actuation
-        return np.column_stack([*over, 1 - margin / _MARGIN])
+        margins = singularity(self.parameters.geometry, pose)
+        legs = np.arccos(
+            np.clip(1 - margins.serial / self.parameters.geometry.L, -1, 1)
+        )  # above the horizontal
+        nearest = np.minimum(margins.actuation, legs.min(axis=-1))
+        return np.column_stack([*over, 1 - nearest / _MARGIN])
 
     def corrected(self, parameters: ArrayLike) -> Parameters:
         """Return the machine with other parameters (P,).

@@ -27,6 +27,7 @@ from .identification.forces import ExtendedForces, IdentifiableForces, LoopForce
 from .identification.identifying import Identification, identify
 from .identification.logs import MotorLog, read_log
 from .identification.validation import Validation, validate
+from .identification.excitation import Excitation, SampledMotion, optimise_excitation
 from .margins import SingularityMargins
 from .minimal import FrameJacobian, MinimalDynamics
 from .model import ClosedLoopModel
@@ -74,6 +75,7 @@ __all__ = [
     "CompiledDynamics",
     "CompiledLoop",
     "Coupling",
+    "Excitation",
     "ExtendedForces",
     "ForceLimits",
     "ForwardDynamics",
@@ -104,6 +106,7 @@ __all__ = [
     "PreparedLog",
     "ReactionSolver",
     "ReflectedDynamics",
+    "SampledMotion",
     "Sidecar",
     "SingularityMargins",
     "State",
@@ -115,6 +118,7 @@ __all__ = [
     "estimate_payload",
     "identify",
     "load_robot",
+    "optimise_excitation",
     "plan_measurements",
     "prepare_log",
     "prior_deviations",

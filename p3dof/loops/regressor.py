@@ -290,10 +290,10 @@ def base_parameters(setting: Setting, regressor: TreeRegressor, joints: bool, se
             N = setting.v[:, None] * point.svd.null_space
             return np.asarray(N.T @ Y[:, :count])
 
-        return _of_rows(rows, regressor.names[:count], regressor.parameters()[:count])
+        return base_of_rows(rows, regressor.names[:count], regressor.parameters()[:count])
 
 
-def _of_rows(
+def base_of_rows(
     rows: Callable[[], FloatArray], names: tuple[str, ...], parameters: FloatArray
 ) -> BaseParameters:
     """Return the base parameters that regressors of many motions can tell."""

@@ -14,6 +14,7 @@ from p3dof.cli.loop import COMMANDS as OF_ROBOTS
 OPTIONS = r"""
 --acceleration | Y,Z,THETA | Accelerations along y
 --accuracy | AMOUNT | Standard deviation of a measured length
+--accuracy | number | Also compute how long
 --actuation | AMOUNT | Margin from parallel singularities
 --actuator-force | JOINT=FORCE | (With --simulate: c|C)onstant force of an actuated joint
 --actuators | text | Actuators behind --coordinates
@@ -40,6 +41,7 @@ OPTIONS = r"""
 --coordinates | text | Joints, with commas
 --counterbalance | NUMBER[,B,C] | Counterbalance force on the sliders
 --cpu | text | Processor that the Makefile compiles
+--criterion | choice | Least error of predicted forces
 --cuda | flag | Also CUDA C\+\+
 --damping | number | Damping ratio of the closed
 --delay | number | Delay from a measurement to
@@ -72,6 +74,7 @@ OPTIONS = r"""
 --gradient | COLUMN | Column by which all results
 --grid | whole number | Number of poses of the
 --hold-out | N | Leave every N-th pose out
+--harmonics | whole number | Harmonics of the Fourier series
 --ignore-unknown | flag | Ignore elements of a URDF
 --in-time | flag | Also simulate the motion with
 --include-root | FOLDER | Folder below which an MJCF or SDF may
@@ -104,9 +107,12 @@ OPTIONS = r"""
 --meshcat | flag | Play the motion repeatedly in MeshCat
 --method | choice | (Method of inverse|Forward|Dynamics by)
 --motion | FILE | Motion (file (\(|of the glb)|of the actuated joints)
+--motions | whole number | Motions that are evaluated
 --multipliers | flag | Also write the closure forces
 --nodes | whole number | Grid intervals between two stops
 --noise | number | Standard deviations of measured positions
+--noise | number | (Standard deviations of measured positions|Noise of a measured force)
+--observer | flag | A momentum observer
 --objective | choice / text | (What is minimised|Measure to optimise)
 --observer | flag | A momentum observer
 --of | text | Result whose sensitivity is computed
@@ -124,6 +130,7 @@ OPTIONS = r"""
 --payload | MASS[,X,Y,Z] | Point mass on the platform
 --plan | POSES | Choose so many poses to
 --period | number | Period of the motion
+--periods | whole number | Periods that are measured
 --plot | flag | Draw the figure
 --point | X,Y,Z | Point that distances are measured
 --points | whole number | Number of designs on the
@@ -131,8 +138,9 @@ OPTIONS = r"""
 --port | whole number | Port of the page on
 --pose | Y,Z,THETA | Pose of the platform
 --prefix | text | Prefix of all names and
---ramp | number | Time over which the motion
---rate | number | Sampling rate of the controller
+--prior | flag | The estimate will use
+--ramp | number | (Time over which the motion|Ramps from and to rest)
+--rate | number | (Sampling rate of the controller|Samples of the measurement)
 --reference | text | Reference configuration that selects the
 --reflected-mass | number | Reflected mass of motor and
 --report | FILE | Report to write,? on
@@ -166,7 +174,7 @@ OPTIONS = r"""
 --still | flag | Show the reference configuration
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
---task | FILE | Task file \(
+--task | FILE | (Task file \(|Motion file whose forces)
 --task-out | FILE | Task file to write
 --threads | whole number | Number of threads
 --tilt | MOST|FROM,TO | Range of the rotation θ
@@ -184,6 +192,7 @@ OPTIONS = r"""
 --view | choice | What --figure draws
 --wasm | flag | Also WebAssembly for browsers and
 --widths | choice | Whether the width of the
+--waypoints | whole number | Use closed quintic splines
 --workers | whole number | Number of worker processes
 --worst | number | Worst case
 --wrench | FILE | External load on the platform

@@ -262,6 +262,18 @@ _OPTIONS = {"tolerances": "--sigma", "combined": "--combine", "frame:": "--frame
 _COLUMNS = {name: name[0] != "r" for name in COMPONENTS}
 """What may be measured, and what of it is a length."""
 _CANDIDATES = 1000  # random poses that a plan is chosen from
+"""`p3dof loop excite`: what any robot should do so that its parameters are identified."""
+
+from __future__ import annotations
+
+from p3dof._base.files import called, read_text
+from p3dof._base.time_series.joint_files import read_joints
+from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
+from p3dof.cli.loop import loop
+from p3dof.cli.loop.robot import METHOD, with_robot
+from p3dof.loops.identification.forces import States
+
+_MOTIONS = 400
 
 
 @loop.command()
@@ -420,3 +432,38 @@ def _width(robot: ClosedLoopModel, name: str, value: Any, combined: dict[str, di
         return float((ANGLE if angle else LENGTH).read(str(value), f"--sigma {name}"))
     except ParameterError as error:
         raise InputError(str(error)) from error
+
+
+@wanted(_MOTIONS)
+@TASK
+@ACCURACY
+@METHOD
+@OUTPUTS
+def excite(
+    robot: ClosedLoopModel,
+    inputs: list[Path],
+    wanted: Wanted,
+    task: Path | None,
+    accuracy: float | None,
+    method: Literal["general", "compiled"],
+    out: Path | None,
+    figure: Path | None,
+) -> int:
+    """Optimise an excitation motion of the actuated joints for identification, within all limits.
+
+    Its periods show the parameters of bodies and friction as well as possible; printed is how well, before
+    the experiment. Exit code 1 when no motion is within the limits.
+    """
+    protect([*inputs, task], [out, figure])
+    forces = LoopForces(robot, method)
+    return run(forces, _task(forces, task), wanted, accuracy, (out, figure), derivatives=False)
+
+
+def _task(forces: LoopForces, path: Path | None) -> States | None:
+    """Return the motion of the actuated joints in a file."""
+    if path is None:
+        return None
+    given = source(path)
+    sliding = [unit == "m" for unit in forces.position_units]
+    curve = read_joints(read_text(given), called(given), forces.actuators, sliding)
+    return forces.from_actuators(*curve.at(curve.time))

@@ -12,8 +12,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, frozen_array, positive, shown
-from p3dof._base.errors import InputError, ModelError
+from p3dof._base.errors import AssemblyError, InputError, ModelError
 from p3dof.loops.assembly import Limits
+from p3dof.loops.compiled.kept import Method
 from p3dof.loops.coordinates import length_coordinates
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.regressor import MOMENTS
@@ -87,7 +88,7 @@ class IdentifiableForces(Protocol):
     def rows(self, states: States) -> Rows:
         """Return the forces as functions of the parameters."""
 
-    def excess(self, states: States) -> FloatArray:
+    def excess(self, states: States, rows: Rows | None = None) -> FloatArray:
         """Return by how much limits are exceeded, each over its size, (N, K): at most zero within."""
 
     limits: tuple[str, ...]  # K names of what `excess` has
@@ -170,6 +171,8 @@ class LoopForces:
     ----------
     robot : ClosedLoopModel
         Of the design. Its parameters are those of `LoopRegressor`.
+    method : {"general", "compiled"} or CompiledLoop
+        What closes the loops, see `ClosedLoopModel`.
 
     Raises
     ------
@@ -177,8 +180,8 @@ class LoopForces:
         If the robot has no actuator, or its actuators do not determine the motion.
     """
 
-    def __init__(self, robot: ClosedLoopModel) -> None:
-        self._robot, model = robot, robot.model
+    def __init__(self, robot: ClosedLoopModel, method: Method = "general") -> None:
+        self._robot, self._method, model = robot, method, robot.model
         home = robot.assemble().q
         if not robot.actuated or _idle_felt(robot, home):
             raise ModelError(
@@ -268,7 +271,12 @@ class LoopForces:
             frozen_array(name, x, y.shape)
             for name, x in (("velocities", velocities), ("accelerations", accelerations))
         )
-        found = self._robot.complete_batch(y, v, a, guess=self._home)
+        found = self._robot.complete_batch(y, v, a, guess=self._home, stop=True, method=self._method)
+        for sample, error in found.errors.items():
+            raise AssemblyError(f"sample {sample}: {error}", getattr(error, "gap", np.nan)) from error
+        if not found.same_assembly.all():
+            other = int(np.argmin(found.same_assembly))
+            raise AssemblyError(f"sample {other}: the loops close in another assembly mode")
         return States(y, v, a, (found.q, found.v, found.a))
 
     from_coordinates = from_actuators
@@ -284,9 +292,12 @@ class LoopForces:
         Positions of all joints with limits; the way of actuators without any from where they start; speeds
         and forces of the actuators, the design's, against `largest`; the singularity margin of actuation.
         """
-        q = states.whole[0]
-        rows = self.rows(states) if rows is None else rows
-        force, speed = self.largest
+        q, (force, speed) = states.whole[0], self.largest
+        if rows is None:  # the same forces, and sooner
+            _, v, a = states.whole
+            tau = self._robot.inverse_dynamics_batch(q, v, a, method=self._method).tau
+        else:
+            tau = rows.columns @ self.design + rows.known
         low, high = self._limits.lower, self._limits.upper
         values = q[:, self._limits.q]
         bounded = np.isfinite(high - low) & (high - low < 1e6)
@@ -299,7 +310,7 @@ class LoopForces:
         free = np.array([name not in has for name in self.actuators])
         way = np.where(free, np.abs(states.positions - self.home) / room - 1, -1.0)
         fast = np.abs(states.velocities) / speed - 1
-        strong = np.abs(rows.columns @ self.design + rows.known) / force - 1
+        strong = np.abs(tau) / force - 1
         margin = self._robot.singularity_margins(q).actuation
         return np.column_stack([joints, way, fast, strong, 1 - margin / _MARGIN])
 

@@ -4,6 +4,7 @@ from .tasks import axis_forces_figure, utilisation_figure
 from .calibration import calibration_figure
 from .common import save, save_all
 from .designs import comparison_figure, designs_figure, many_runs_figure, sweep_figure
+from .excitation import excitation_figure
 from .forces import energy_figure, forces_figure, joints_figure, reactions_figure, tracking_figure
 from .identification import predicted_figure, residuals_figure
 from .maps import loci_figure, map_figure, slices_figure
@@ -21,6 +22,7 @@ __all__ = [
     "designs_figure",
     "drives_figure",
     "energy_figure",
+    "excitation_figure",
     "forces_figure",
     "front_figure",
     "joints_figure",
