@@ -264,8 +264,6 @@ TESTS = {
     "p3dof/loops/identification/search.py": ("excitation",),
     "p3dof/report/plots/excitation.py": ("excite",),
     "p3dof/cli/excitation.py": ("excite",),
-    "p3dof/cli/identify.py": ("excite",),
-    "p3dof/cli/loop/identify.py": ("excite",),
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/pareto.py": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/feasibility.py": (

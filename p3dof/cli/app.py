@@ -88,10 +88,10 @@ COMMANDS = {
         "codegen": ("p3dof.cli.codegen", "Generate C99 code for a controller."),
     },
     "Measure": {
+        "excite": ("p3dof.cli.identify", "Optimise an excitation motion for identification."),
         "identify": ("p3dof.cli.identify", "Identify inertia and friction from a log of the sliders."),
         "calibrate": ("p3dof.cli.identify", "Calibrate legs and encoders from measured poses."),
     },
-    "Measure": {"excite": ("p3dof.cli.identify", "Optimise an excitation motion for identification.")},
     "Any robot": {"loop": ("p3dof.cli.loop", "Any closed-loop robot: forces, simulation, C.")},
 }
 """The commands by what they are for, each heading in the order of work.

@@ -1,6 +1,4 @@
-"""What was measured of the machine: `p3dof identify` its inertia and friction, `calibrate` its legs."""
-
-"""`p3dof excite`: what the machine should do so that its parameters are identified."""
+"""What is measured of the machine: `p3dof excite`, `identify`, `calibrate`."""
 
 from __future__ import annotations
 
@@ -13,13 +11,47 @@ import numpy as np
 from p3dof._base.files import write_table
 from p3dof.analysis.identification import MachineForces
 from p3dof.cli.app import app
-from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, write_results
+from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
+from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import FIGURE
 from p3dof.cli.loop.identify import Asked, asked_options, command_of, identified
-from p3dof.cli.machine import PARAMETERS, machine_of
+from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
 from p3dof.cli.measuring import MEASURING, parted, poses_in, require_plan, rms, tell_noise
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
-from p3dof.machine.parameters import Parameters, write_parameters
+from p3dof.machine.motion import Motion
+from p3dof.machine.parameters import Body, Parameters, write_parameters
+
+_MOTIONS = 4000  # of the machine's closed forms are quick
+
+
+@app.command()
+@PARAMETERS
+@PAYLOAD
+@wanted(_MOTIONS)
+@TASK
+@ACCURACY
+@OUTPUTS
+def excite(
+    parameters: Path | None,
+    payload: Body | None,
+    wanted: Wanted,
+    task: Path | None,
+    accuracy: float | None,
+    out: Path | None,
+    figure: Path | None,
+) -> int:
+    """Optimise an excitation motion for identification, within all limits of the machine.
+
+    Its periods show the parameters of bodies and friction as well as possible; printed is how well, before
+    the experiment. Exit code 1 when no motion is within the limits.
+    """
+    protect((parameters, task), (out, figure))
+    forces = MachineForces(machine_of(parameters, payload))
+    states = None
+    if task is not None:
+        motion = Motion.from_csv(source(task))
+        states = forces.from_coordinates(motion.pose, motion.velocity, motion.acceleration)
+    return run(forces, states, wanted, accuracy, (out, figure), derivatives=True)
 
 
 @app.command()
@@ -143,43 +175,3 @@ def calibrate(
     print_warnings(console, [f"pose {k + 1}, {name}: does not fit the others" for k, name in found.outliers])
     print_written(console, written)
     return 0
-
-
-from p3dof.cli.app import app
-from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
-from p3dof.cli.files import source
-from p3dof.cli.machine import PARAMETERS, PAYLOAD
-from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Body
-
-_MOTIONS = 4000  # of the machine's closed forms are quick
-
-
-@app.command()
-@PARAMETERS
-@PAYLOAD
-@wanted(_MOTIONS)
-@TASK
-@ACCURACY
-@OUTPUTS
-def excite(
-    parameters: Path | None,
-    payload: Body | None,
-    wanted: Wanted,
-    task: Path | None,
-    accuracy: float | None,
-    out: Path | None,
-    figure: Path | None,
-) -> int:
-    """Optimise an excitation motion for identification, within all limits of the machine.
-
-    Its periods show the parameters of bodies and friction as well as possible; printed is how well, before
-    the experiment. Exit code 1 when no motion is within the limits.
-    """
-    protect((parameters, task), (out, figure))
-    forces = MachineForces(machine_of(parameters, payload))
-    states = None
-    if task is not None:
-        motion = Motion.from_csv(source(task))
-        states = forces.from_coordinates(motion.pose, motion.velocity, motion.acceleration)
-    return run(forces, states, wanted, accuracy, (out, figure), derivatives=True)

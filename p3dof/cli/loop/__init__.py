@@ -12,10 +12,10 @@ COMMANDS = {
         "simulate": ("p3dof.cli.loop.simulate", "Simulate a robot, under control or constant forces."),
     },
     "Measure": {
+        "excite": ("p3dof.cli.loop.identify", "Optimise an excitation motion for identification."),
         "identify": ("p3dof.cli.loop.identify", "Identify inertia and friction from a log."),
         "calibrate": ("p3dof.cli.loop.identify", "Calibrate lengths and encoders from measured poses."),
     },
-    "Measure": {"excite": ("p3dof.cli.loop.identify", "Optimise an excitation motion for identification.")},
     "See and export": {
         "show": ("p3dof.cli.loop.show", "Show a robot and its forces in the browser."),
         "export": ("p3dof.cli.loop.export", "Write a robot as URDF, MJCF, SDF, glTF or ROS package."),

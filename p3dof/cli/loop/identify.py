@@ -1,4 +1,4 @@
-"""What was measured of any robot: `loop identify` its inertia and friction, `loop calibrate` its lengths."""
+"""What is measured of any robot: `p3dof loop excite`, `identify`, `calibrate`."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from rich.console import Console
 
 from p3dof._base.checks import FloatArray, is_number, shown
 from p3dof._base.errors import InputError, ParameterError
-from p3dof._base.files import together, write_table
+from p3dof._base.files import called, read_text, together, write_table
 from p3dof._base.quantities import ANGLE, LENGTH
+from p3dof._base.time_series.joint_files import read_joints
 from p3dof._base.time_series.smoothing import Smooth
+from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import FIGURE, POSITIVE, SMOOTH, Amount, Number, as_one
 from p3dof.cli.loop import loop
-from p3dof.cli.loop.robot import numbers_of, with_robot
+from p3dof.cli.loop.robot import METHOD, numbers_of, with_robot
 from p3dof.cli.measuring import MEASURING, parted, poses_in, require_plan, rms, tell_noise
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
 from p3dof.loops import ClosedLoopModel, Measurements, plan_measurements
@@ -30,7 +32,7 @@ from p3dof.loops import calibrate as calibrate_robot
 from p3dof.loops.identification.calibration import COMPONENTS, candidate_readings, plan_table
 from p3dof.loops.identification.displacements import DEVICE, OFFSET
 from p3dof.loops.identification.estimates import METHODS, EstimationMethod
-from p3dof.loops.identification.forces import MASS, SHIFT, IdentifiableForces, LoopForces
+from p3dof.loops.identification.forces import MASS, SHIFT, IdentifiableForces, LoopForces, States
 from p3dof.loops.identification.identifying import Identification, identify
 from p3dof.loops.identification.logs import MotorLog, read_log
 from p3dof.loops.identification.validation import (
@@ -41,6 +43,46 @@ from p3dof.loops.identification.validation import (
     validation_table,
 )
 from p3dof.loops.tables import units_of_actuated
+
+_MOTIONS = 400
+
+
+@loop.command()
+@with_robot
+@wanted(_MOTIONS)
+@TASK
+@ACCURACY
+@METHOD
+@OUTPUTS
+def excite(
+    robot: ClosedLoopModel,
+    inputs: list[Path],
+    wanted: Wanted,
+    task: Path | None,
+    accuracy: float | None,
+    method: Literal["general", "compiled"],
+    out: Path | None,
+    figure: Path | None,
+) -> int:
+    """Optimise an excitation motion of the actuated joints for identification, within all limits.
+
+    Its periods show the parameters of bodies and friction as well as possible; printed is how well, before
+    the experiment. Exit code 1 when no motion is within the limits.
+    """
+    protect([*inputs, task], [out, figure])
+    forces = LoopForces(robot, method)
+    return run(forces, _task(forces, task), wanted, accuracy, (out, figure), derivatives=False)
+
+
+def _task(forces: LoopForces, path: Path | None) -> States | None:
+    """Return the motion of the actuated joints in a file."""
+    if path is None:
+        return None
+    given = source(path)
+    sliding = [unit == "m" for unit in forces.position_units]
+    curve = read_joints(read_text(given), called(given), forces.actuators, sliding)
+    return forces.from_actuators(*curve.at(curve.time))
+
 
 _WORDS = {
     "constants: ": "--constants: ",
@@ -144,7 +186,8 @@ asked_options = as_one(
         "--report",
         "report_file",
         type=OutputFile("report"),
-        help="Report to write on the identification, with residuals and all parameters (.html or .pdf; needs the extra 'report').",
+        help="Report to write on the identification, with residuals and all parameters (.html or .pdf; needs "
+        "the extra 'report').",
     ),
 )
 
@@ -262,18 +305,6 @@ _OPTIONS = {"tolerances": "--sigma", "combined": "--combine", "frame:": "--frame
 _COLUMNS = {name: name[0] != "r" for name in COMPONENTS}
 """What may be measured, and what of it is a length."""
 _CANDIDATES = 1000  # random poses that a plan is chosen from
-"""`p3dof loop excite`: what any robot should do so that its parameters are identified."""
-
-from __future__ import annotations
-
-from p3dof._base.files import called, read_text
-from p3dof._base.time_series.joint_files import read_joints
-from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
-from p3dof.cli.loop import loop
-from p3dof.cli.loop.robot import METHOD, with_robot
-from p3dof.loops.identification.forces import States
-
-_MOTIONS = 400
 
 
 @loop.command()
@@ -432,38 +463,3 @@ def _width(robot: ClosedLoopModel, name: str, value: Any, combined: dict[str, di
         return float((ANGLE if angle else LENGTH).read(str(value), f"--sigma {name}"))
     except ParameterError as error:
         raise InputError(str(error)) from error
-
-
-@wanted(_MOTIONS)
-@TASK
-@ACCURACY
-@METHOD
-@OUTPUTS
-def excite(
-    robot: ClosedLoopModel,
-    inputs: list[Path],
-    wanted: Wanted,
-    task: Path | None,
-    accuracy: float | None,
-    method: Literal["general", "compiled"],
-    out: Path | None,
-    figure: Path | None,
-) -> int:
-    """Optimise an excitation motion of the actuated joints for identification, within all limits.
-
-    Its periods show the parameters of bodies and friction as well as possible; printed is how well, before
-    the experiment. Exit code 1 when no motion is within the limits.
-    """
-    protect([*inputs, task], [out, figure])
-    forces = LoopForces(robot, method)
-    return run(forces, _task(forces, task), wanted, accuracy, (out, figure), derivatives=False)
-
-
-def _task(forces: LoopForces, path: Path | None) -> States | None:
-    """Return the motion of the actuated joints in a file."""
-    if path is None:
-        return None
-    given = source(path)
-    sliding = [unit == "m" for unit in forces.position_units]
-    curve = read_joints(read_text(given), called(given), forces.actuators, sliding)
-    return forces.from_actuators(*curve.at(curve.time))
