@@ -88,8 +88,8 @@ COMMANDS = {
         "codegen": ("p3dof.cli.codegen", "Generate C99 code for a controller."),
     },
     "Measure": {
-        "excite": ("p3dof.cli.identify", "Optimise an excitation motion for identification."),
-        "identify": ("p3dof.cli.identify", "Identify inertia and friction from a log of the sliders."),
+        "excite": ("p3dof.cli.identify", "Optimise an excitation motion (identification)."),
+        "identify": ("p3dof.cli.identify", "Identify inertia and friction from a log."),
         "calibrate": ("p3dof.cli.identify", "Calibrate legs and encoders from measured poses."),
     },
     "Any robot": {"loop": ("p3dof.cli.loop", "Any closed-loop robot: forces, simulation, C.")},
@@ -172,23 +172,22 @@ class Group(click.Group):
         return f"; p3dof.{name} is Python, no command" if name in public else _hint(name, self.table, ctx)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands, then the options."""
-        self.format_commands(ctx, formatter)
-        click.Command.format_options(self, ctx, formatter)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the summaries of the table: headings stand on the left where there is room for them."""
-        del ctx
+        """Write commands by heading, then options: headings stand on the left where there is room."""
+        listed = {
+            heading: [(name, summary) for name, (_, summary) in commands.items()]
+            for heading, commands in self.headings.items()
+        }
+        listed["Options"] = [record for one in self.get_params(ctx) if (record := one.get_help_record(ctx))]
         if formatter.width < _ROOM:
-            for heading, commands in self.headings.items():
+            for heading, rows in listed.items():
                 with formatter.section(heading):
-                    formatter.write_dl([(name, summary) for name, (_, summary) in commands.items()])
+                    formatter.write_dl(rows)
             return
         formatter.write_paragraph()
-        middle = max(map(len, self.table)) + 2
-        for heading, commands in self.headings.items():
+        middle = max(len(name) for rows in listed.values() for name, _ in rows) + 2
+        for heading, rows in listed.items():
             words = chain(textwrap.wrap(heading, _HEADING), repeat(""))
-            for word, (name, (_, summary)) in zip(words, commands.items(), strict=False):
+            for word, (name, summary) in zip(words, rows, strict=False):
                 formatter.write(f"{word:{_HEADING + 2}}{name:{middle}}{summary}\n")
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

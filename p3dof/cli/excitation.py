@@ -72,7 +72,7 @@ def wanted(motions: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 
 ACCURACY = click.option(
-    "--accuracy",
+    "--target-error",
     type=POSITIVE,
     help="Also compute how long must be measured for this error of predicted forces [N or N m, RMS].",
 )
@@ -86,14 +86,14 @@ def run(
     forces: IdentifiableForces,
     task: States | None,
     wanted: Wanted,
-    accuracy: float | None,
+    target_error: float | None,
     files: tuple[Path | None, Path | None],
     derivatives: bool,
 ) -> int:
     """Find an excitation motion; print and write it."""
-    with in_options({"waypoints: ": "--waypoints: ", "rate: ": "--rate: ", "accuracy: ": "--accuracy: "}):
+    with in_options({"waypoints: ": "--waypoints: ", "rate: ": "--rate: ", "accuracy: ": "--target-error: "}):
         found = optimise_excitation(forces, task=task, watch=progress_bar, **asdict(wanted))
-        measured = None if accuracy is None else found.duration_for(accuracy)
+        measured = None if target_error is None else found.duration_for(target_error)
     out, figure = files
     written = write_results(
         lambda path: found.to_csv(path, derivatives=derivatives),
@@ -104,7 +104,7 @@ def run(
     console = console_beside(out)
     show(console, *excitation_tables(found), notes=True)
     if measured is not None:
-        console.print(_told(found, accuracy or 0.0, measured), highlight=False, soft_wrap=True)
+        console.print(_told(found, target_error or 0.0, measured), highlight=False, soft_wrap=True)
     print_written(console, written)
     return 0
 

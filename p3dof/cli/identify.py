@@ -36,7 +36,7 @@ def excite(
     payload: Body | None,
     wanted: Wanted,
     task: Path | None,
-    accuracy: float | None,
+    target_error: float | None,
     out: Path | None,
     figure: Path | None,
 ) -> int:
@@ -51,7 +51,7 @@ def excite(
     if task is not None:
         motion = Motion.from_csv(source(task))
         states = forces.from_coordinates(motion.pose, motion.velocity, motion.acceleration)
-    return run(forces, states, wanted, accuracy, (out, figure), derivatives=True)
+    return run(forces, states, wanted, target_error, (out, figure), derivatives=True)
 
 
 @app.command()

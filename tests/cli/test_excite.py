@@ -24,7 +24,7 @@ def test_the_machines_motion_is_written_drawn_and_judged(capsys, tmp_path):
     out, figure, task = tmp_path / "motion.csv", tmp_path / "motion.svg", tmp_path / "task.csv"
     paper_motion(101).to_csv(task)
     files = ("--task", task, "--out", out, "--figure", figure)
-    code, text, err = run(capsys, "excite", *SHORT, *files, "--accuracy", "0.5", "--noise", "2")
+    code, text, err = run(capsys, "excite", *SHORT, *files, "--target-error", "0.5", "--noise", "2")
     assert (code, err) == (0, "")
     machine, motion = MachineForces(), paper_motion(101)
     states = machine.from_coordinates(motion.pose, motion.velocity, motion.acceleration)
@@ -69,7 +69,7 @@ def test_the_figure_has_limits_and_every_coordinate():
         (("--duration", "0"), "0.0 is not in the range x>0"),
         (("--rate", "4"), "--rate: expected more than 5 Hz"),
         (("--waypoints", "3"), "3 is not in the range 6<=x<=200"),
-        (("--motions", "5", "--accuracy", "1e-9"), "--accuracy: it takes more than"),
+        (("--motions", "5", "--target-error", "1e-9"), "--target-error: it takes more than"),
     ],
 )
 def test_a_bad_option_is_one_line(capsys, options, words):

@@ -14,7 +14,6 @@ from p3dof.cli.loop import COMMANDS as OF_ROBOTS
 OPTIONS = r"""
 --acceleration | Y,Z,THETA | Accelerations along y
 --accuracy | AMOUNT | Standard deviation of a measured length
---accuracy | number | Also compute how long
 --actuation | AMOUNT | Margin from parallel singularities
 --actuator-force | JOINT=FORCE | (With --simulate: c|C)onstant force of an actuated joint
 --actuators | text | Actuators behind --coordinates
@@ -73,8 +72,8 @@ OPTIONS = r"""
 --generations | whole number | Largest number of generations of
 --gradient | COLUMN | Column by which all results
 --grid | whole number | Number of poses of the
---hold-out | N | Leave every N-th pose out
 --harmonics | whole number | Harmonics of the Fourier series
+--hold-out | N | Leave every N-th pose out
 --ignore-unknown | flag | Ignore elements of a URDF
 --in-time | flag | Also simulate the motion with
 --include-root | FOLDER | Folder below which an MJCF or SDF may
@@ -112,7 +111,6 @@ OPTIONS = r"""
 --nodes | whole number | Grid intervals between two stops
 --noise | number | Standard deviations of measured positions
 --noise | number | (Standard deviations of measured positions|Noise of a measured force)
---observer | flag | A momentum observer
 --objective | choice / text | (What is minimised|Measure to optimise)
 --observer | flag | A momentum observer
 --of | text | Result whose sensitivity is computed
@@ -128,9 +126,9 @@ OPTIONS = r"""
 --parameters | FILE | Parameter file of the machine
 --paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
---plan | POSES | Choose so many poses to
 --period | number | Period of the motion
 --periods | whole number | Periods that are measured
+--plan | POSES | Choose so many poses to
 --plot | flag | Draw the figure
 --point | X,Y,Z | Point that distances are measured
 --points | whole number | Number of designs on the
@@ -174,6 +172,7 @@ OPTIONS = r"""
 --still | flag | Show the reference configuration
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
+--target-error | number | Also compute how long
 --task | FILE | (Task file \(|Motion file whose forces)
 --task-out | FILE | Task file to write
 --threads | whole number | Number of threads
@@ -191,8 +190,8 @@ OPTIONS = r"""
 --video | FILE | Film to write
 --view | choice | What --figure draws
 --wasm | flag | Also WebAssembly for browsers and
---widths | choice | Whether the width of the
 --waypoints | whole number | Use closed quintic splines
+--widths | choice | Whether the width of the
 --workers | whole number | Number of worker processes
 --worst | number | Worst case
 --wrench | FILE | External load on the platform

@@ -309,8 +309,12 @@ def test_what_is_not_possible_is_said(machine, found):
         optimise_excitation(machine, deviations=nothing)
     with pytest.raises(OptimisationError, match=r"in a ramp of 0\.001 s the motion does not stay within"):
         optimise_excitation(machine, ramp=1e-3, motions=20)
-    with pytest.raises(ModelError, match="actuators do not determine a motion"):
-        LoopForces(load_robot(GALLERY / "leg.urdf"))
+    five_bar = load_robot(GALLERY / "five_bar.urdf")
+    one = dataclasses.replace(five_bar.sidecar, actuated=five_bar.actuated[:1])
+    with pytest.raises(
+        ModelError, match="1 actuators do not determine a motion with 2 degrees of freedom; lock"
+    ):
+        LoopForces(p3dof.ClosedLoopModel(five_bar.model, one))
     with pytest.raises(InputError, match="over: expected 'task' or 'workspace', got 'all'"):
         found.predicted_error(1.0, "all")
     with pytest.raises(InputError, match="rate: expected more than 5 Hz"):

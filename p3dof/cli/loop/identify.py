@@ -59,7 +59,7 @@ def excite(
     inputs: list[Path],
     wanted: Wanted,
     task: Path | None,
-    accuracy: float | None,
+    target_error: float | None,
     method: Literal["general", "compiled"],
     out: Path | None,
     figure: Path | None,
@@ -71,7 +71,7 @@ def excite(
     """
     protect([*inputs, task], [out, figure])
     forces = LoopForces(robot, method)
-    return run(forces, _task(forces, task), wanted, accuracy, (out, figure), derivatives=False)
+    return run(forces, _task(forces, task), wanted, target_error, (out, figure), derivatives=False)
 
 
 def _task(forces: LoopForces, path: Path | None) -> States | None:
