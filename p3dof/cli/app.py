@@ -308,7 +308,7 @@ def _called(arguments: Sequence[str] | None) -> int:
     expose_value=False,
     is_eager=True,
     callback=lambda context, _, asked: _print_version(context) if asked else None,
-    help="Show the version and the level of the compiled kernels.",
+    help="Show the version and the level of the kernels.",
 )
 def app() -> None:
     """Dynamics of a 3-DOF parallel manipulator, and of any closed-loop robot."""
