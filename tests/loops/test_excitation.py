@@ -75,8 +75,8 @@ def test_least_condition_number_predicts_worse_than_what_is_optimised_for_predic
     assert min(condition["D"], condition["prediction"]) > 700
     assert on_task["prediction"] < on_task["D"] < on_task["condition"]
     assert on_task["condition"] > 1.4 * on_task["prediction"]
-    assert elsewhere["condition"] > 1.4 * max(elsewhere["D"], elsewhere["prediction"])
     anywhere = rms(optimise_excitation(machine, motions=4000).workspace_error)
+    assert elsewhere["condition"] > 1.3 * max(elsewhere["D"], anywhere)
     assert anywhere < 0.019
     assert on_task["prediction"] < 0.0185
 
