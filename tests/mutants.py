@@ -264,6 +264,11 @@ TESTS = {
     "p3dof/loops/identification/search.py": ("excitation",),
     "p3dof/report/plots/excitation.py": ("excite",),
     "p3dof/cli/excitation.py": ("excite",),
+    "p3dof/loops/identification/logs.py": ("identification_data",),
+    "p3dof/loops/identification/data.py": ("identification_data",),
+    "p3dof/loops/identification/diagnosis.py": ("identification_data",),
+    "p3dof/loops/identification/identifying.py": ("identification_data", "identification_validation"),
+    "p3dof/loops/identification/validation.py": ("identification_validation",),
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/pareto.py": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/feasibility.py": (

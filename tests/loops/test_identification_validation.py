@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from gallery import gallery
 from motor_logs import fourier_motion, motor_log, truth_of
+from table_numbers import check_evidence, check_table, shows
 
 import p3dof
 from p3dof.analysis.identification import MachineForces
@@ -175,3 +176,61 @@ def test_tables_say_it_in_words(found):
         "Ixz": "kg m²", "Iyz": "kg m²", "Izz": "kg m²", "armature": "kg", "counterbalance": "N",
         "spring": "N/m", "damping": "N s/m", "friction": "N",
     }  # fmt: skip
+
+
+@shows(
+    "p3dof.loops.identification.validation.Validation.residuals",
+    "p3dof.loops.identification.validation.Validation.design_residuals",
+    "p3dof.loops.identification.validation.Validation.error",
+    "p3dof.loops.identification.validation.Validation.design_error",
+    "p3dof.loops.identification.validation.validation_table",
+)
+def test_errors_are_those_of_plain_sums(five_bar, found):
+    """Chi-square by the whole covariance matrix of all samples."""
+    forces, _, _ = five_bar
+    identified, checked = found
+    A, y, noise = checked.data.rows.columns, checked.data.forces - checked.data.rows.known, checked.data.noise
+    left, before = y - A @ identified.parameters, y - A @ forces.design
+    error, design = (np.sqrt((x**2).mean(axis=0)) for x in (left, before))
+    check_evidence(checked, "residuals", left, rtol=0, atol=1e-12 * np.abs(y).max())
+    check_evidence(checked, "design_residuals", before, rtol=0, atol=1e-12 * np.abs(y).max())
+    check_evidence(checked, "error", error, rtol=1e-9)
+    check_evidence(checked, "design_error", design, rtol=1e-9)
+    flat = A.reshape(-1, A.shape[-1])
+    covariance = flat @ identified.estimate.covariance @ flat.T + np.diag(np.tile(noise**2, len(A)))
+    chi_square = left.ravel() @ np.linalg.solve(covariance, left.ravel()) / left.size
+    size = np.sqrt((checked.data.forces**2).mean(axis=0))
+    check_table(
+        validation_table(checked),
+        {
+            name: ("N m", size[i], design[i], error[i], (error[i] / size[i],), checked.whiteness[i])
+            for i, name in enumerate(forces.actuators)
+        },
+        note=[chi_square, 1],
+    )
+
+
+@shows(
+    "p3dof.loops.identification.validation.parameters_table",
+    "p3dof.loops.identification.validation.combinations_table",
+)
+def test_parameters_stand_with_their_deviations(five_bar, found):
+    forces, _, _ = five_bar
+    identified, _ = found
+    estimate = identified.estimate
+    spread = np.sqrt(np.diag(estimate.covariance))
+    prior = forces.deviations()
+    seen = np.array([1 - min(s / p, 1.0) if p else 0.0 for s, p in zip(spread, prior, strict=True)])
+    order = [i for i in np.argsort(-seen, kind="stable") if seen[i] >= 0.1]
+    check_table(
+        parameters_table(identified),
+        [
+            (
+                in_words(forces.names[i]), unit_of(forces.names[i], forces), forces.design[i],
+                estimate.parameters[i], spread[i], (seen[i],),
+            )
+            for i in order
+        ],
+    )  # fmt: skip
+    check_table(combinations_table(identified), [(words, x, s) for words, x, s in estimate.combinations])
+    assert len(estimate.combinations) > 8

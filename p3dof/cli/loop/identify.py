@@ -104,8 +104,8 @@ class Asked:
     force_delay: float | None
     estimator: EstimationMethod
     widths: Literal["given", "estimated"]
-    mass_error: float
-    centre_error: float
+    mass_share: float
+    centre_shift: float
     trust_columns: bool
     report_file: Path | None
 
@@ -167,12 +167,14 @@ asked_options = as_one(
     ),
     click.option(
         "--mass-error",
+        "mass_share",
         type=POSITIVE,
         default=MASS,
         help="Relative error of the masses in the design, a standard deviation: the prior.",
     ),
     click.option(
         "--centre-error",
+        "centre_shift",
         type=Amount(LENGTH),
         default=SHIFT,
         help="Error of the mass centres in the design [m], a standard deviation.",
@@ -188,6 +190,8 @@ asked_options = as_one(
         type=OutputFile("report"),
         help="Report to write on the identification, with residuals and all parameters (.html or .pdf; needs "
         "the extra 'report').",
+        help="Report to write on the identification: residuals, all parameters (.html or .pdf; needs the "
+        "extra 'report').",
     ),
 )
 
@@ -201,7 +205,7 @@ def identified(
 ) -> int:
     """Identify, validate, print and write; the exit code."""
     console = Console()
-    prior = forces.deviations(mass=asked.mass_error, shift=asked.centre_error)
+    prior = forces.deviations(mass=asked.mass_share, shift=asked.centre_shift)
     ways: dict[str, Any] = {
         "smooth": "auto" if asked.smooth is None else asked.smooth,
         "check": not asked.trust_columns,

@@ -172,7 +172,7 @@ class Motion(NamedTuple):
     at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
     """Positions, velocities and accelerations (M, m) at times."""
     band: float  # [Hz]
-    residual: FloatArray  # (m,): rms of what is left
+    left: FloatArray  # (m,): rms of what is not followed
 
 
 class Sampled(NamedTuple):
@@ -261,7 +261,7 @@ def prepare_log(
 
 def _motion_told(forces: IdentifiableForces, motion: Motion, T: float, repeats: int) -> str:
     units = forces.position_units
-    most = {u: max(x for x, own in zip(motion.residual, units, strict=True) if own == u) for u in units}
+    most = {u: max(x for x, own in zip(motion.left, units, strict=True) if own == u) for u in units}
     left = " and ".join(f"{1e3 * x:.2g} {'mm' if u == 'm' else 'mrad'}" for u, x in most.items())
     what = (
         f"periodic, {T:.6g} s: {repeats} periods are averaged, harmonics"
@@ -556,7 +556,7 @@ def _filtered(
         np.concatenate([one.reversal for one in found]),
         half + _JUMP * step,
     )
-    residual = np.sqrt(np.mean([motion.residual**2 for motion in motions], axis=0))
+    residual = np.sqrt(np.mean([motion.left**2 for motion in motions], axis=0))
     return joined, Motion(motions[0].at, band, residual)
 
 
