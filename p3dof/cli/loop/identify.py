@@ -188,8 +188,6 @@ asked_options = as_one(
         "--report",
         "report_file",
         type=OutputFile("report"),
-        help="Report to write on the identification, with residuals and all parameters (.html or .pdf; needs "
-        "the extra 'report').",
         help="Report to write on the identification: residuals, all parameters (.html or .pdf; needs the "
         "extra 'report').",
     ),
