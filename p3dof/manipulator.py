@@ -22,8 +22,7 @@ from p3dof.machine.motion import Motion, States, WrenchHistory, WrenchOverTime, 
 from p3dof.machine.parameters import PAPER, Limits, Parameters, machine_html, read_parameters
 from p3dof.methods import DEFAULT_METHOD, InverseDynamics, Method, compiled, with_evidence, without_crossings
 from p3dof.methods.compiled import ForceDerivatives
-from p3dof.methods.model import ManipulatorModel
-from p3dof.methods.registry import TOLERANCE, equation_terms
+from p3dof.methods.registry import TOLERANCE, ManipulatorModel, equation_terms
 from p3dof.runs.settings import AT_HOME, CONTINUOUS, KINDS, PRECISE, ControlLoop, InitialState, Integration
 
 if TYPE_CHECKING:  # what is imported when it is asked for

@@ -47,8 +47,8 @@ LONGEST = 1000
 COMMANDS = {
     "Start": {
         "init": ("p3dof.cli.start", "Write files of a machine, motion, task and drives."),
-        "doctor": ("p3dof.cli.doctor", "Check the installation: kernels, extras, tools."),
-        "completion": ("p3dof.cli.doctor", "Print the shell completion: bash, zsh or fish."),
+        "doctor": ("p3dof.cli.start", "Check the installation: kernels, extras, tools."),
+        "completion": ("p3dof.cli.start", "Print the shell completion: bash, zsh or fish."),
     },
     "Forces": {
         "compare": ("p3dof.cli.forces", "Compare the actuator forces of both methods."),

@@ -11,12 +11,24 @@ import numpy as np
 from p3dof._base.files import write_table
 from p3dof.analysis.identification import MachineForces
 from p3dof.cli.app import app
-from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import FIGURE
 from p3dof.cli.loop.identify import Asked, asked_options, command_of, identified
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
-from p3dof.cli.measuring import MEASURING, parted, poses_in, require_plan, rms, tell_noise
+from p3dof.cli.measuring import (
+    ACCURACY,
+    MEASURING,
+    OUTPUTS,
+    TASK,
+    Wanted,
+    parted,
+    poses_in,
+    require_plan,
+    rms,
+    run,
+    tell_noise,
+    wanted,
+)
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
 from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import Body, Parameters, write_parameters

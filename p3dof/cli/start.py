@@ -1,20 +1,28 @@
-"""`p3dof init`: a machine, a motion, a task and drives to start from."""
+"""`p3dof init`, `doctor`, `completion`: files to start from, and the installation."""
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import platform
 import re
-from collections.abc import Iterable, Mapping
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib import import_module, metadata
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
+from click.shell_completion import get_completion_class
 
+import p3dof
 from p3dof._base.errors import InputError
 from p3dof._base.files import check_writable, together, write_atomic
-from p3dof.cli.app import app
+from p3dof.cli.app import FAILED, app
 from p3dof.cli.files import OutputFolder
 from p3dof.design.drives import GENERIC
 from p3dof.machine.motion import paper_motion
@@ -127,3 +135,147 @@ def _row(values: Iterable[float], scale: float, unit: str) -> str:
 def _plain(number: float) -> str:
     """Return a number with six digits, never minus zero."""
     return f"{number + 0.0:.6g}"
+
+
+REQUIRED = {"numpy": "numpy", "scipy": "scipy", "pin": "pinocchio", "PyYAML": "yaml", "rich": "rich"}
+"""Packages that the program cannot do without, and what is imported of each."""
+
+EXTRAS = {
+    "plot": ("figures", "matplotlib"),
+    "viz": ("MeshCat, and live pages in the browser", "meshcat tornado"),
+    "jupyter": ("live pages in notebooks", "anywidget meshcat tornado"),
+    "shapes": ("shapes and meshes of other robots", "lxml meshcat pycollada tornado trimesh yourdfpy"),
+    "video": ("films and pictures", "imageio-ffmpeg meshcat playwright tornado"),
+    "report": ("reports", "Jinja2 matplotlib"),
+    "mjcf": ("MJCF files of other robots", "mujoco"),
+    "models": ("robots by name (example-robot-data)", "example-robot-data-loaders"),
+    "tables": ("tables in Parquet", "pyarrow"),
+    "xarray": ("results as labelled arrays", "xarray"),
+    "usd": ("USD files", "usd-core"),
+    "xacro": ("robots with macros", "xacro"),
+    "jax": ("forces as functions of JAX arrays", "jax"),
+    "studio": ("Pareto fronts by genetic algorithms", "pymoo"),
+    "identify": ("possible bodies in identification", "clarabel"),
+    "cluster": ("sweeps on Dask clusters", "dask distributed pyarrow"),
+}
+"""Optional parts of the package: what each is for, and the packages that it needs."""
+
+ENGINES = ("mujoco", "drake", "exudyn")
+"""Packages of the extra 'engines', each of use alone: they compute the same forces."""
+
+_OK, _MISSING, _BROKEN = "ok", "missing", "BROKEN"
+
+
+class Finding(NamedTuple):
+    """What was looked for, whether it is there, and which and where; or what it would be for."""
+
+    name: str
+    state: str  # ok; missing, which is optional; BROKEN, which is required
+    detail: str
+
+
+@app.command()
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the results as JSON in SI units, and nothing else."
+)
+def doctor(as_json: bool) -> int:
+    """Check the installation: versions, compiled kernels, extras, engines, compiler, browser, cache.
+
+    What is missing is optional: its line says what it would be for. Exit code 1 when something required is
+    broken.
+    """
+    findings = list(examined())
+    works = all(one.state != _BROKEN for one in findings)
+    if as_json:
+        click.echo(json.dumps({"works": works, "findings": [one._asdict() for one in findings]}, indent=1))
+    for one in () if as_json else findings:
+        click.echo(f"{one.state:9}{one.name:12}{one.detail}")
+    return 0 if works else FAILED
+
+
+def examined() -> Iterator[Finding]:
+    """Look at one thing after the other."""
+    yield Finding("p3dof", _OK, f"{p3dof.__version__} in {Path(p3dof.__file__).parent}")
+    yield Finding("Python", _OK, f"{platform.python_version()} in {sys.prefix}")
+    for package, module in REQUIRED.items():
+        yield _required(package, module)
+    kernels = _tried("kernels", _kernels, "for fast evaluation of many samples")
+    yield kernels._replace(state=_MISSING) if kernels.detail.startswith("numpy") else kernels
+    for extra, (purpose, packages) in EXTRAS.items():
+        yield _optional(extra, packages.split(), purpose, extra)
+    for engine in ENGINES:
+        yield _optional(engine, [engine], "cross-checks of the forces", "engines")
+    yield _tried("C compiler", _compiler, "for compiled robots: install gcc or clang")
+    yield _tried("browser", _browser, "for films, pictures and PDF: install Chromium or Chrome")
+    yield _tried("cache", _cache, "for compiled robots: without it, every process compiles again")
+
+
+def _required(package: str, module: str) -> Finding:
+    try:
+        import_module(module)
+    except Exception as error:  # whatever a broken installation may raise
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        return Finding(package, _BROKEN, f"{reason}; try: pip install --force-reinstall {package}")
+    return Finding(package, _OK, _version(package) or "without a version")
+
+
+def _optional(name: str, packages: list[str], purpose: str, extra: str) -> Finding:
+    versions = {package: _version(package) for package in packages}
+    lacking = [package for package, version in versions.items() if version is None]
+    if lacking:
+        return Finding(name, _MISSING, f"for {purpose} ({', '.join(lacking)}): pip install 'p3dof[{extra}]'")
+    return Finding(name, _OK, ", ".join(f"{package} {version}" for package, version in versions.items()))
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _tried(name: str, look: Callable[[], str | None], purpose: str) -> Finding:
+    try:
+        found = look()
+    except Exception:  # a package that is broken has a line of its own
+        found = None
+    return Finding(name, _OK if found else _MISSING, found or purpose)
+
+
+def _kernels() -> str | None:
+    from p3dof.closed_form.compiled import in_words
+
+    return in_words()
+
+
+def _compiler() -> str | None:
+    from p3dof.loops.compiled.build import compiler
+
+    return compiler()
+
+
+def _browser() -> str | None:
+    from p3dof.viewer.headless import NAMES
+
+    own = Path(os.environ.get("PLAYWRIGHT_BROWSERS_PATH") or Path.home() / ".cache" / "ms-playwright")
+    places = (os.environ.get("CHROMIUM"), *map(shutil.which, NAMES), *map(str, own.glob("chromium-*")))
+    return next(filter(None, places), None)
+
+
+def _cache() -> str | None:
+    from p3dof.loops.compiled.build import _folders
+
+    return next((f"{folder} can be written" for folder in _folders(make=True)), None)
+
+
+@app.command()
+@click.argument("shell", type=click.Choice(("bash", "zsh", "fish")), metavar="SHELL")
+def completion(shell: str) -> int:
+    """Print the script with which a shell completes commands, options and files.
+
+    SHELL is bash, zsh or fish. For bash, put eval "$(p3dof completion bash)" into ~/.bashrc; for zsh the same
+    with zsh into ~/.zshrc, after compinit; for fish, p3dof completion fish | source into config.fish.
+    """
+    found = get_completion_class(shell)
+    click.echo("" if found is None else found(app, {}, "p3dof", "_P3DOF_COMPLETE").source())
+    return 0

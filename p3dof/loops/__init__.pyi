@@ -24,7 +24,7 @@ from .identification.estimates import (
     estimate_payload,
 )
 from .identification.forces import ExtendedForces, IdentifiableForces, LoopForces, prior_deviations
-from .identification.identifying import Identification, identify
+from .identification.validation import Identification, identify
 from .identification.logs import MotorLog, read_log
 from .identification.validation import Validation, validate
 from .identification.excitation import Excitation, SampledMotion, optimise_excitation

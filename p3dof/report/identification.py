@@ -8,8 +8,8 @@ from typing import Any
 
 from p3dof._base.checks import require
 from p3dof._base.errors import InputError
-from p3dof.loops.identification.identifying import Identification
 from p3dof.loops.identification.validation import (
+    Identification,
     Validation,
     combinations_table,
     parameters_table,

@@ -199,7 +199,7 @@ class Simulation(RunResult, ShownInNotebook):
             If the run is from a file, which does not hold its machine.
         """
         from p3dof.analysis.reactions import of_solution
-        from p3dof.methods.model import ManipulatorModel
+        from p3dof.methods.registry import ManipulatorModel
 
         parameters, solved = self._machine(), cast("Any", self)  # it has joints and forces, as a solution has
         loop = ManipulatorModel(parameters).loop

@@ -15,7 +15,7 @@ from p3dof.analysis.tolerances.pose import NAMES, closures, pose_gradient, solve
 from p3dof.closed_form.kinematics import forward_kinematics
 from p3dof.loops import Measurements
 from p3dof.loops.identification.calibration import MeasuredRobot
-from p3dof.loops.identification.displacements import displacements
+from p3dof.loops.identification.fitting import displacements
 from p3dof.machine.parameters import PAPER
 
 WIDTH = dict.fromkeys(("R", "r", "L", "encoder"), 5e-05)

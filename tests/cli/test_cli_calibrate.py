@@ -16,9 +16,9 @@ from p3dof._base.files import write_table
 from p3dof.analysis.tolerances import calibrate_machine
 from p3dof.analysis.tolerances.calibration import _candidates
 from p3dof.analysis.tolerances.pose import solved
+from p3dof.cli.measuring import read_poses
 from p3dof.closed_form.kinematics import forward_kinematics
 from p3dof.loops import Measurements, calibrate
-from p3dof.loops.identification.pose_files import read_poses
 from p3dof.machine.parameters import PAPER, read_parameters
 from p3dof.report import plots
 

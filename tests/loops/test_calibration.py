@@ -15,8 +15,13 @@ import p3dof
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import Measurements, calibrate, plan_measurements
 from p3dof.loops.identification.calibration import MeasuredRobot
-from p3dof.loops.identification.displacements import displacements
-from p3dof.loops.identification.fitting import chosen_poses, combinations_of, fit, observability
+from p3dof.loops.identification.fitting import (
+    chosen_poses,
+    combinations_of,
+    displacements,
+    fit,
+    observability,
+)
 
 TOWERS = [f"tower_{one}" for one in "abc"]
 XYZ = ("x", "y", "z")

@@ -13,8 +13,8 @@ from p3dof._base.errors import FileError, InputError, MotionError
 from p3dof.analysis.identification import MachineForces
 from p3dof.loops.identification.data import prepare_log, resolution
 from p3dof.loops.identification.forces import LoopForces
-from p3dof.loops.identification.identifying import identify
 from p3dof.loops.identification.logs import MotorLog, outliers, read_log
+from p3dof.loops.identification.validation import identify
 
 RATE, COUNTS, NOISE = 400.0, 2 * np.pi / 8192, 0.02
 KINDS = [("rad", "N m")] * 2

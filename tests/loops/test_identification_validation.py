@@ -13,9 +13,9 @@ from table_numbers import check_evidence, check_table, shows
 import p3dof
 from p3dof.analysis.identification import MachineForces
 from p3dof.loops.identification.forces import LoopForces
-from p3dof.loops.identification.identifying import identify
 from p3dof.loops.identification.validation import (
     combinations_table,
+    identify,
     in_words,
     ljung_box,
     parameters_table,

@@ -41,9 +41,9 @@ from p3dof.loops.identification.calibration import (
     require_enough,
     require_metres,
 )
-from p3dof.loops.identification.displacements import Displacements
 from p3dof.loops.identification.fitting import (
     Combinations,
+    Displacements,
     chosen_poses,
     combinations_of,
     fit,

@@ -20,24 +20,37 @@ from p3dof._base.files import called, read_text, together, write_table
 from p3dof._base.quantities import ANGLE, LENGTH
 from p3dof._base.time_series.joint_files import read_joints
 from p3dof._base.time_series.smoothing import Smooth
-from p3dof.cli.excitation import ACCURACY, OUTPUTS, TASK, Wanted, run, wanted
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import FIGURE, POSITIVE, SMOOTH, Amount, Number, as_one
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import METHOD, numbers_of, with_robot
-from p3dof.cli.measuring import MEASURING, parted, poses_in, require_plan, rms, tell_noise
+from p3dof.cli.measuring import (
+    ACCURACY,
+    MEASURING,
+    OUTPUTS,
+    TASK,
+    Wanted,
+    parted,
+    poses_in,
+    require_plan,
+    rms,
+    run,
+    tell_noise,
+    wanted,
+)
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
 from p3dof.loops import ClosedLoopModel, Measurements, plan_measurements
 from p3dof.loops import calibrate as calibrate_robot
 from p3dof.loops.identification.calibration import COMPONENTS, candidate_readings, plan_table
-from p3dof.loops.identification.displacements import DEVICE, OFFSET
 from p3dof.loops.identification.estimates import METHODS, EstimationMethod
+from p3dof.loops.identification.fitting import DEVICE, OFFSET
 from p3dof.loops.identification.forces import MASS, SHIFT, IdentifiableForces, LoopForces, States
-from p3dof.loops.identification.identifying import Identification, identify
 from p3dof.loops.identification.logs import MotorLog, read_log
 from p3dof.loops.identification.validation import (
+    Identification,
     Validation,
     combinations_table,
+    identify,
     parameters_table,
     validate,
     validation_table,

@@ -6,8 +6,7 @@
 - `problem_file`: a sweep as a YAML file, as the command line takes it.
 """
 
-from p3dof.design.sweeps.designs import DesignSweep
+from p3dof.design.sweeps.designs import DesignSweep, RunSweep
 from p3dof.design.sweeps.problem_file import FileRows, SweepPlan, read_sweep
-from p3dof.design.sweeps.runs import RunSweep
 
 __all__ = ["DesignSweep", "FileRows", "RunSweep", "SweepPlan", "read_sweep"]

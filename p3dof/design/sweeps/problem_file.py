@@ -52,8 +52,7 @@ from p3dof.analysis.designs.columns import LENGTHS, QUANTITIES, columns_of, full
 from p3dof.design.optimisation import ProblemSweep
 from p3dof.design.optimisation.problem import FIELDS as OF_PROBLEM
 from p3dof.design.optimisation.problem import OF_SWEEPS, problem_of
-from p3dof.design.sweeps.designs import DesignSweep
-from p3dof.design.sweeps.runs import RunSweep
+from p3dof.design.sweeps.designs import DesignSweep, RunSweep
 from p3dof.machine.motion import Motion, WrenchHistory
 from p3dof.machine.motion.core import load_along, natural_ramp
 from p3dof.machine.parameters import PAPER, Parameters

@@ -2,7 +2,7 @@
 
 The motors are read, and a frame is measured: its pose, or a part of it, or its distance from a point, as by a
 laser tracker, a camera, a dial gauge, a probe that touches a plate, a ball bar. Errors of placements are
-joints that stand still (`p3dof.loops.identification.displacements`), so that each number that was measured is
+joints that stand still (`p3dof.loops.identification.fitting`), so that each number that was measured is
 a function of them which the closed loops define, with exact derivatives. The most likely errors given the
 tolerances of the design follow by least squares (`p3dof.loops.identification.fitting`).
 """
@@ -29,19 +29,17 @@ from p3dof._base.checks import (
 )
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof._base.tables import Table, table_of
-from p3dof.loops.identification.displacements import (
+from p3dof.loops.identification.fitting import (
     DEVICE,
     OFFSET,
-    DisplacedRobot,
-    Displacements,
-    displacements,
-)
-from p3dof.loops.identification.fitting import (
     ChosenPoses,
     Combinations,
+    DisplacedRobot,
+    Displacements,
     Fit,
     chosen_poses,
     combinations_of,
+    displacements,
     fit,
     observability,
     outliers_of,

@@ -30,9 +30,17 @@ from numpy.typing import NDArray
 from p3dof._base.checks import FloatArray, Readable, frozen_array, positive
 from p3dof._base.errors import AssemblyError, InputError, MotionError, SampleError
 from p3dof._base.time_series.smoothing import Smooth, checked, fitted
-from p3dof.loops.identification.diagnosis import beyond_a_turn, wrong_columns
 from p3dof.loops.identification.forces import IdentifiableForces, Rows, States
-from p3dof.loops.identification.logs import FEWEST, Kind, MotorLog, Usable, require_actuators, usable
+from p3dof.loops.identification.logs import (
+    FEWEST,
+    Kind,
+    MotorLog,
+    Usable,
+    beyond_a_turn,
+    require_actuators,
+    usable,
+    wrong_columns,
+)
 
 Period: TypeAlias = Literal["auto"] | float | None
 """Period of the motion [s]: found, known, or none."""

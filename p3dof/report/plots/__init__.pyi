@@ -1,16 +1,16 @@
 # What `p3dof.report.plots` offers; each name is imported when it is first used.
 
 from .tasks import axis_forces_figure, utilisation_figure
-from .calibration import calibration_figure
+from .identification import calibration_figure
 from .common import save, save_all
 from .designs import comparison_figure, designs_figure, many_runs_figure, sweep_figure
-from .excitation import excitation_figure
+from .identification import excitation_figure
 from .forces import energy_figure, forces_figure, joints_figure, reactions_figure, tracking_figure
 from .identification import predicted_figure, residuals_figure
 from .maps import loci_figure, map_figure, slices_figure
 from .mechanism import mechanism_figure
 from .designs import front_figure, optimum_figure
-from .robot_run import robot_run_figure
+from .forces import robot_run_figure
 from .tasks import balance_figure, drives_figure, task_figure
 from .tolerances import sensitivity_figure, tolerance_figure
 
