@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from gallery import gallery
 from motor_logs import fourier_motion, motor_log, truth_of
 
-from p3dof._base.errors import FileError, InputError, MotionError
+from p3dof._base.errors import FileError, InputError, ModelError, MotionError
 from p3dof.analysis.identification import MachineForces
+from p3dof.loops import ClosedLoopModel, Sidecar
 from p3dof.loops.identification.data import prepare_log, resolution
 from p3dof.loops.identification.forces import LoopForces
 from p3dof.loops.identification.logs import MotorLog, outliers, read_log
@@ -292,3 +294,16 @@ def test_a_limit_of_the_design_that_is_exceeded_is_told():
     log = motor_log(forces, truth_of(forces, 1), motion, 2.0, rate=200.0, noise=1.0)
     assert any("position of slide_" in told and "exceeds the design's limit" in told
                for told in identify(forces, log, delay=0.0, consistent=False).remarks)  # fmt: skip
+
+
+def test_a_pendulum_that_swings_is_no_rod_that_spins():
+    """Rods of a leg may spin between their balls; what a motor feels, it must determine."""
+    model = pin.Model()
+    cart = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "cart")
+    pole = model.addJoint(cart, pin.JointModelRY(), pin.SE3.Identity(), "pole")
+    for joint, mass, lever in ((cart, 2.0, 0.0), (pole, 0.3, -0.5)):
+        body = pin.Inertia(mass, np.array([0.0, 0.0, lever]), 1e-3 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    with pytest.raises(ModelError, match="1 actuators do not determine a motion with 2 degrees of freedom"):
+        LoopForces(ClosedLoopModel(model, Sidecar((), ("cart",))))
+    assert len(LoopForces(gallery("leg")).actuators) == 6

@@ -34,8 +34,8 @@ _FIELDS = {
 """What of `JointData` has the parameters of a joint."""
 _FREE_SPEED, _FREE_RANGE = 1.0, 0.5
 """Largest speed and way of an actuator without limits [per second; rad, or share of the unit of length]."""
-_SEEN, _IDLE = 1e-6, 1e-2
-"""Share of a motion that actuators see; share of the least inertial forces above which they feel one."""
+_SEEN, _IDLE = 1e-6, 1e-3
+"""Share of a motion that actuators see; share of the largest inertial forces above which they feel one."""
 _MARGIN = 0.05
 """Least singularity margin of actuation."""
 
@@ -363,7 +363,7 @@ def _idle_felt(robot: ClosedLoopModel, q: FloatArray) -> bool:
 
     at_rest = robot.force_regressor(q, rest, rest)
     held = at_rest.forces @ at_rest.parameters + at_rest.external
-    own = min(inertial(N @ turned[k]) for k in range(seen))
+    own = max(inertial(N @ turned[k]) for k in range(seen))
     return max(inertial(N @ turned[k]) for k in range(seen, N.shape[1])) > _IDLE * own
 
 
