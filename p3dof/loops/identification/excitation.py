@@ -25,7 +25,7 @@ from p3dof.loops.identification.forces import IdentifiableForces, States
 from p3dof.loops.identification.search import (
     Basis,
     Criterion,
-    Sampled,
+    Evaluated,
     Search,
     Unknowns,
     at_rest,
@@ -486,10 +486,10 @@ class _Random:
 
     def __init__(self, search: Search, centre: FloatArray, generator: np.random.Generator) -> None:
         self._search, self._centre, self._generator = search, centre, generator
-        self.found: list[tuple[FloatArray, Sampled]] = []
+        self.found: list[tuple[FloatArray, Evaluated]] = []
         self._drawn = 0
 
-    def __call__(self) -> Sampled:
+    def __call__(self) -> Evaluated:
         search = self._search
         while self._drawn < _DRAWS + 2 * len(self.found):
             self._drawn += 1
@@ -559,7 +559,7 @@ def _from_rest(
 
 
 def _ramped(
-    forces: IdentifiableForces, basis: Basis, X: FloatArray, ramp: float | None, steady: Sampled
+    forces: IdentifiableForces, basis: Basis, X: FloatArray, ramp: float | None, steady: Evaluated
 ) -> tuple[float, FloatArray]:
     """Return the duration of the ramps, and the utilisation of the limits over the whole experiment."""
     reached = steady.excess.max(axis=0)

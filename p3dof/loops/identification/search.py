@@ -101,7 +101,7 @@ class Basis(NamedTuple):
         return np.asarray(centre + X - X.mean(axis=0))
 
 
-class Sampled(NamedTuple):
+class Evaluated(NamedTuple):
     """A motion at some samples."""
 
     states: States
@@ -114,7 +114,7 @@ class Sampled(NamedTuple):
         return float(self.excess.max())
 
 
-def sampled(forces: IdentifiableForces, motion: FloatArray) -> Sampled | None:
+def sampled(forces: IdentifiableForces, motion: FloatArray) -> Evaluated | None:
     """Return what a motion (3, N, n) takes; None if the robot cannot make it."""
     try:
         with np.errstate(all="ignore"):
@@ -125,7 +125,7 @@ def sampled(forces: IdentifiableForces, motion: FloatArray) -> Sampled | None:
         return None
     if not (np.isfinite(excess).all() and np.isfinite(rows.columns).all()):
         return None
-    return Sampled(states, rows, excess)
+    return Evaluated(states, rows, excess)
 
 
 def worst(forces: IdentifiableForces, motion: FloatArray) -> float:
@@ -207,7 +207,7 @@ class Unknowns:
     def of(
         cls,
         forces: IdentifiableForces,
-        library: Callable[[], Sampled],
+        library: Callable[[], Evaluated],
         noise: FloatArray,
         deviations: FloatArray,
         prior: bool,
@@ -350,7 +350,7 @@ class Search:
         except np.linalg.LinAlgError:
             return np.inf
 
-    def value(self, one: Sampled) -> tuple[float, FloatArray, FloatArray]:
+    def value(self, one: Evaluated) -> tuple[float, FloatArray, FloatArray]:
         """Return the logarithm of the criterion, its derivative by H, and the columns."""
         columns = self.unknowns.columns(one.rows)
         H = self.unknowns.prior + self.count * gram(columns).sum(axis=0)
@@ -395,7 +395,7 @@ class _At:
     def __init__(self, search: Search) -> None:
         self._search, self._key = search, b""
         self._by: tuple[FloatArray, FloatArray] | None = None
-        self._one: Sampled | None = None
+        self._one: Evaluated | None = None
         self.lowest, self.best = np.inf, np.zeros((0, 0))
 
     def _go(self, x: FloatArray) -> None:
