@@ -169,6 +169,7 @@ TESTS = {
     "p3dof/loops/identification/calibration.py": ("calibration",),
     "p3dof/loops/identification/fitting.py": ("calibration",),
     "p3dof/cli/measuring.py": ("cli_calibrate", "excite"),
+    "p3dof/loops/online.py": ("online",),
     "p3dof/loops/compliance.py": ("elastic_reactions",),
     "p3dof/loops/coordinates.py": (
         *KINDS,

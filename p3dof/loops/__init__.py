@@ -23,6 +23,7 @@ Where to look, from what a user has to what is computed:
   `compiled.kept` (``method="compiled"``); `units` serves robots much smaller or larger than a
   metre, and is the only place where numbers change their unit;
 - from joints to the actuators behind linkages: `transmission`; external forces from theirs: `observer`;
+  payloads in a control loop: `online`;
 - many samples: `batch`; in C: `compiled`, with the simulations that `p3dof.runs` makes.
 """
 

@@ -32,6 +32,7 @@ from .margins import SingularityMargins
 from .minimal import FrameJacobian, MinimalDynamics
 from .model import ClosedLoopModel
 from .observer import MomentumObserver
+from .online import BodyEstimate, RecursiveEstimator, payload_deviations
 from .reactions import (
     BatchReactions,
     ClosureJoint,
@@ -62,6 +63,7 @@ __all__ = [
     "BatchReactions",
     "BatchStates",
     "BodyEnergies",
+    "BodyEstimate",
     "BoundDirection",
     "Bushing",
     "ByForces",
@@ -105,6 +107,7 @@ __all__ = [
     "PayloadEstimate",
     "PreparedLog",
     "ReactionSolver",
+    "RecursiveEstimator",
     "ReflectedDynamics",
     "SampledMotion",
     "Sidecar",
@@ -119,6 +122,7 @@ __all__ = [
     "identify",
     "load_robot",
     "optimise_excitation",
+    "payload_deviations",
     "plan_measurements",
     "prepare_log",
     "prior_deviations",

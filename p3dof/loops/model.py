@@ -39,6 +39,7 @@ from p3dof.loops.loop_model import LoopModel
 
 if TYPE_CHECKING:  # what is imported when it is asked for
     from p3dof.loops.observer import MomentumObserver
+    from p3dof.loops.online import RecursiveEstimator
     from p3dof.loops.transmission import Transmission
 
 
@@ -774,6 +775,46 @@ class ClosedLoopModel(LoopModel):
         from p3dof.loops.observer import MomentumObserver
 
         return MomentumObserver(self, bandwidth, threshold, compiled)
+
+    def payload_estimator(
+        self,
+        joint: str,
+        noise: ArrayLike,
+        deviations: ArrayLike,
+        parameters: ArrayLike | None = None,
+        forgetting: float = 1.0,
+        gate: float | None = None,
+        compiled: CompiledLoop | None = None,
+    ) -> RecursiveEstimator:
+        """Return an estimator of a body's inertial parameters in a control loop, as of a payload.
+
+        Parameters
+        ----------
+        joint : str
+            Joint that carries the body.
+        noise : float or (n_actuated,) array
+            Standard deviations of the actuators' measured forces [N or N m].
+        deviations : (10,) array
+            Of the parameters before the first sample, as of `payload_deviations`; zero keeps a parameter.
+        parameters : (10,) array, optional
+            Before the first sample; the design's by default.
+        forgetting : float
+            By what older samples' weight is multiplied at each sample; 1 forgets none.
+        gate : float, optional
+            Standard deviations beyond which a sample is left out as an outlier.
+        compiled : CompiledLoop, optional
+            What `compile` returned with ``inertias=[joint]``, for where the robot works.
+
+        Raises
+        ------
+        InputError
+            If an argument does not fit, or `compiled` is of another robot or body.
+        ModelError, AssemblyError
+            If there are more actuators than degrees of freedom, and as `compile`.
+        """
+        from p3dof.loops.online import RecursiveEstimator
+
+        return RecursiveEstimator(self, joint, noise, deviations, parameters, forgetting, gate, compiled)
 
     def compiled_for(
         self,

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +29,7 @@ from p3dof._base.errors import AssemblyError, InputError, ModelError, Singularit
 from p3dof.loops.closed_tree import External
 from p3dof.loops.compiled.compiled_loop import CompiledLoop
 from p3dof.loops.compiled.following import CONVERGING, LARGEST_CORRECTION, Settler
-from p3dof.loops.compiled.function import BoundFunction
+from p3dof.loops.compiled.function import BoundFunction, Function
 from p3dof.loops.compiled.kept import require_fit
 from p3dof.loops.linear import RANK_TOLERANCE, Decomposition
 from p3dof.loops.loop_model import LoopModel
@@ -158,7 +158,8 @@ class MomentumObserver:
         self._bound.run()
         found = self._bound.outputs
         if not found["trusted"][0] > 0.0:
-            self._refuse(found["gap"][0], found["margin"][0])
+            gap, margin = found["gap"][0], found["margin"][0]
+            refused("observer", self._function, self.coordinates, gap, margin)
         now = _Sample(given["q"], np.array(found["momentum"]), np.array(found["rate"]))
         if self._last is None or not dt:
             self.start()
@@ -249,7 +250,8 @@ class MomentumObserver:
         bad = ~(found["trusted"][:, 0] > 0.0)
         if bad.any():
             i = int(np.argmax(bad))
-            self._refuse(found["gap"][i, 0], found["margin"][i, 0], f" at sample {i}")
+            gap, margin = found["gap"][i, 0], found["margin"][i, 0]
+            refused("observer", self._function, self.coordinates, gap, margin, f" at sample {i}")
         actuation = found["actuation"]
         acting = actuation[:-1] if held else (actuation[1:] + actuation[:-1]) / 2
         steps = np.diff(time)
@@ -337,12 +339,16 @@ class MomentumObserver:
             raise InputError(f"threshold: expected a positive number or {n} of them, got {shown(threshold)}")
         return np.broadcast_to(values, (n,)).copy()
 
-    def _refuse(self, gap: float, margin: float, where: str = "") -> None:
-        if gap > self._function.closed:
-            raise InputError(f"observer: the loops are open by {gap:.3g} m or rad{where}")
-        if margin < self._function.least_margin:
-            raise SingularityError(
-                f"observer: {', '.join(self.coordinates)} hardly determine the motion{where}, margin "
-                f"{margin:.2g}: give it what compile(around=q) returns"
-            )
-        raise InputError(f"observer: a quaternion or circle is not of length one{where}, or q or v too large")
+
+def refused(
+    who: str, function: Function, independent: Sequence[str], gap: float, margin: float, where: str = ""
+) -> NoReturn:
+    """Raise what is wrong with a sample that a compiled function does not trust."""
+    if gap > function.closed:
+        raise InputError(f"{who}: the loops are open by {gap:.3g} m or rad{where}")
+    if margin < function.least_margin:
+        raise SingularityError(
+            f"{who}: {', '.join(independent)} hardly determine the motion{where}, margin "
+            f"{margin:.2g}: give it what compile(around=q) returns"
+        )
+    raise InputError(f"{who}: a quaternion or circle is not of length one{where}, or q or v too large")

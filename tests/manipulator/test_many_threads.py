@@ -158,7 +158,7 @@ def test_one_manipulator_in_many_threads(method):
 
 
 BUILDERS = {"from_urdf", "from_pinocchio", "copy", "lock", "reduced", "write"}
-BUILDERS |= {"compile", "transmission", "observer"}
+BUILDERS |= {"compile", "transmission", "observer", "payload_estimator"}
 """Doors that make another model or file: they read what never changes."""
 
 

@@ -235,6 +235,38 @@ def momentum(robot: Robot) -> Function:
     return build.function("momentum")
 
 
+def body_regressor(robot: Robot) -> Function:
+    """Return what the motors' forces owe to the inertial parameters of one body, and what is left of them.
+
+    Forces are linear in the parameters: tau = regressor @ parameters + rest. The body is the one whose
+    parameters are an input of the robot; all that is not its own is in the rest.
+    """
+    if len(robot.inertias) != 1:
+        raise ModelError(
+            "body regressor: expected one body whose inertial parameters are an argument, "
+            f"got {len(robot.inertias)}"
+        )
+    (name,) = robot.inertias
+    build = Builder()
+    tape, free = build.tape, robot.independent
+    q, v, a = (
+        build.take(key, size)
+        for key, size in (("q", robot.tree.nq), ("v_independent", len(free)), ("a_independent", len(free)))
+    )
+    _, load = build.loaded(replace(robot, inertias={}))
+    ten = tape.symbols(f"parameter[{i}]" for i in range(10))  # no input: nothing that is left has them
+    needed = []
+    for values in (ten, [0.0] * 10):
+        at = At(robot.with_inputs({f"inertia_{name}": values}), tape, q)
+        moving, _, all_a = solutions.completed_motion(at, v, a, load)
+        needed.append(moving.needed(all_a))
+    columns = [solutions.actuator_forces(at, tangent(needed[0], {one.index: 1.0})).tau for one in ten]
+    build.give("regressor", [column[i] for i in range(len(robot.motors)) for column in columns])
+    build.give("rest", solutions.actuator_forces(at, needed[1]).tau)
+    build.evidence(at, CLOSED)
+    return build.function("body_regressor")
+
+
 def forward_dynamics(robot: Robot, stabilised: bool = False, checked: bool = False) -> Function:
     """Return the acceleration of the tree from its state and the motors' forces."""
     build = Builder()
@@ -427,6 +459,7 @@ FUNCTIONS: Mapping[str, Callable[[Robot], Function]] = {
     "motion": motion,
     "completion": completion,
     "momentum": momentum,
+    "body_regressor": body_regressor,
     "flow": flow,
     "stabilised_flow": stabilised_flow,
     "model_forces": model_forces,
