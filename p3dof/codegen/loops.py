@@ -37,6 +37,7 @@ from p3dof.loops.compiled.functions import FUNCTIONS
 from p3dof.loops.compiled.printing import body
 from p3dof.loops.compiled.printing import fill as core_of
 from p3dof.loops.compiled.robot import closed_configurations
+from p3dof.loops.online import UDFactors, payload_deviations
 from p3dof.loops.tables import units_of_actuated
 from p3dof.loops.transmission import MAPS, STEPS_OF_PIECE, TRIES, Transmission, mapping_text
 from p3dof.loops.trees import joint_value
@@ -44,6 +45,7 @@ from p3dof.loops.trees import joint_value
 _COUNT = 8
 _RATE, _SWING, _SAMPLES = 1000.0, 0.02, 100
 """Of the motion that is followed: samples a second, amplitude [m or rad], number."""
+_FORGETTING, _GATE = 0.9, 6.0  # of the estimator: factor, standard deviations
 _BANDWIDTH = 30.0  # of forces that are observed [Hz]
 _TOLERANCE = 1e-9  # largest error, of the largest entry of a result
 _ROUNDINGS = 64.0  # by how much another order of roundings may be worse than that of NumPy
@@ -107,6 +109,8 @@ def selftest(
         "follows": str(int(printer.follows)),
         "observe": _observe(prefix, cases, functions) if printer.observes else "",
         "observes": str(int(printer.observes)),
+        "estimate": _estimate(prefix, cases, functions, compiled) if printer.estimates else "",
+        "estimates": str(int(printer.estimates)),
     }
 
 
@@ -260,6 +264,46 @@ def _observe(prefix: str, cases: Sequence[_Case], functions: Sequence[Function])
     )
 
 
+def _estimate(
+    prefix: str, cases: Sequence[_Case], functions: Sequence[Function], compiled: CompiledLoop
+) -> str:
+    """Return tables of what an estimator says at the states one after another, and what tests that."""
+    (case,) = (one for one in cases if one.name == "body_regressor")
+    (inputs,) = (one.inputs for one in functions if one.name == "body_regressor")
+    (design,) = (compiled.defaults[f"inertia_{joint}"] for joint in compiled.robot.inertias)
+    motors, spread, found = case.sizes[1], payload_deviations(1.0, 0.1), UDFactors(10)
+    R = case.expected[:, : 10 * motors].reshape(len(case.expected), motors, 10)
+    noise = 0.1 * np.abs(R * spread).max() * np.linspace(1.0, 2.0, motors)
+    more = spread * np.cos(np.arange(10)) / 2  # than the parameters before
+    new, estimated, outliers = R @ more, list[FloatArray](), 0
+    new[len(new) // 2] += 1e3 * noise.max()
+    for rows, values in zip(R, new, strict=True):
+        taken = found.sample((rows * spread).tolist(), values.tolist(), noise.tolist(), _FORGETTING, _GATE)
+        outliers += not taken
+        estimated.append(np.concatenate([spread * found.z, spread * found.deviations()]))
+    tables = {
+        "spread": spread[None],
+        "noises": noise[None],
+        "measured": new + case.expected[:, 10 * motors :] + R @ design,
+        "estimated": np.array(estimated) + np.concatenate([design, np.zeros(10)]),
+    }
+    return fill(
+        "loop_selftest_estimate.in",
+        prefix=prefix,
+        PREFIX=prefix.upper(),
+        tables="\n\n".join(
+            number_table(f"{name}[{len(rows)}][{rows.shape[1]}]", rows) for name, rows in tables.items()
+        ),
+        nq=str(inputs["q"]),
+        free=str(inputs["v_independent"]),
+        most=str(max(10, motors, inputs["q"])),
+        forgetting=repr(_FORGETTING),
+        gate=repr(_GATE),
+        outliers=repr(float(outliers)),
+        loads="NULL, " * (len(inputs) - 3),
+    )
+
+
 _STATUSES = (
     "OK",
     "NULL_POINTER",
@@ -281,6 +325,15 @@ _OBSERVER_METHODS = """
     /** Begins to observe forces anew. */
     startObserver() {
         this.#exports.start_observer();
+    }
+"""
+
+_ESTIMATOR_METHODS = """
+    /** Begins to estimate anew: standard deviations of ten parameters, and these, by default the design's. */
+    startEstimator(deviations, parameters) {
+        const given = parameters !== undefined, numbers = [...deviations, ...(given ? parameters : [])];
+        if (numbers.length !== (given ? 20 : 10)) throw new TypeError("startEstimator: expected ten numbers");
+        return this.#exports.start_estimator(given ? 1 : 0, this.#put(numbers));
     }
 """
 
@@ -310,6 +363,7 @@ _TEXTS = {
     "model_forces": "Forces of the motors for their accelerations, from the independent speeds.",
     "motion": "Velocity and acceleration of the tree, and forces, from those of the independent speeds.",
     "momentum": "Momentum along the independent coordinates, its rate without motors, and their forces.",
+    "body_regressor": "What the motors' forces owe to the parameters of a body, row by row, and the rest.",
     "step": "One step of Newton's method for the dependent coordinates.",
     "integrate": "A configuration moved by a small velocity times time.",
     "tangent_of_forces": "Forces, and how they change along one direction of the independent motion.",
@@ -624,6 +678,7 @@ class LoopPrinter:
         names = {function.name for function in functions}
         self.follows = compiled.determined and names >= set(FOLLOWING)
         self.observes = "momentum" in names
+        self.estimates = "body_regressor" in names and compiled.hybrid
 
     @property
     def _shared(self) -> dict[str, str]:
@@ -647,6 +702,8 @@ class LoopPrinter:
             declared.append(self._follow_declared())
         if self.observes:
             declared.append(self._observe_declared())
+        if self.estimates:
+            declared.append(self._estimate_declared())
         if self.maps is not None:
             declared.append(self.maps.declarations())
         shared = self._shared
@@ -665,6 +722,8 @@ class LoopPrinter:
             calls.append(self._following())
         if self.observes:
             calls.append(self._observing())
+        if self.estimates:
+            calls.append(self._estimating())
         if self.maps is not None:
             calls.append(self.maps.definitions())
         single = self.precision is SINGLE
@@ -711,6 +770,10 @@ class LoopPrinter:
             functions.append(Exported(self._observe_row, "&observer"))
             state += fill("wasm_observer.in", prefix=self.prefix)
             methods += _OBSERVER_METHODS
+        if self.estimates:
+            functions.append(Exported(self._estimate_row, "&estimator"))
+            state += fill("wasm_estimator.in", prefix=self.prefix)
+            methods += _ESTIMATOR_METHODS
         if self.maps is not None:
             functions += self.maps.exported()
             state += fill("wasm_transmission.in", prefix=self.prefix)
@@ -728,6 +791,9 @@ class LoopPrinter:
         if self.observes:
             text = "External forces, as of a contact, from the motion and the motors' forces."
             rows.append(f"| `{self.prefix}_observer_start`, `{self.prefix}_observe` | | {text} |")
+        if self.estimates:
+            text = "Inertial parameters of a body, as with a payload, sample by sample."
+            rows.append(f"| `{self.prefix}_estimator_start`, `{self.prefix}_estimate` | | {text} |")
         if self.maps is not None:
             rows += self.maps.rows()
         robot, q = self.robot, self.robot.assemble().q
@@ -894,6 +960,42 @@ class LoopPrinter:
             loads=self._loads(momentum),
         )
 
+    @cached_property
+    def _estimate_row(self) -> Prototype:
+        motors, regressor = (len(self.robot.actuated),), self._function("body_regressor")
+        given = _inputs(regressor.inputs.items())
+        numbers = (Argument(name, shape=(1,), kind="number") for name in ("forgetting", "gate"))
+        noise, tau = Argument("noise", shape=motors), Argument("tau", shape=motors)
+        found = (Argument(name, shape=(10,)) for name in ("parameters", "deviations"))
+        outliers = Argument("outliers", shape=(1,))
+        inputs = (*numbers, noise, *given[:3], tau, *given[3:])
+        return Prototype("estimate", inputs, (*found, outliers, _TOLD))
+
+    def _estimate_head(self) -> str:
+        return self._head(self._estimate_row, f"{self.prefix}_estimator *estimator")
+
+    def _estimate_declared(self) -> str:
+        (joint,) = self.compiled.robot.inertias
+        comment = _comment(_ESTIMATE, self._function("body_regressor"))
+        head = self._estimate_head()
+        return fill("loop_estimator_header.in", prefix=self.prefix, joint=joint, comment=comment, head=head)
+
+    def _estimating(self) -> str:
+        regressor = self._function("body_regressor")
+        (joint,) = self.compiled.robot.inertias
+        return fill(
+            "loop_estimate.in",
+            **self._shared,
+            head=self._estimate_head(),
+            nulls=" || ".join(f"({name} == NULL)" for name in ["estimator", *self._estimate_row.needed]),
+            design=", ".join(map(repr, self.compiled.defaults[f"inertia_{joint}"].tolist())),
+            inputs=str(len(regressor.symbols)),
+            results=str(len(regressor.results)),
+            closed=repr(regressor.closed),
+            least=repr(regressor.least_margin),
+            loads=self._loads(regressor),
+        )
+
     def _function(self, name: str) -> Function:
         return next(function for function in self.functions if function.name == name)
 
@@ -904,6 +1006,11 @@ _OBSERVE = """External forces along the independent coordinates, as of a contact
  *  dt [s] after the last sample, 0 to begin anew; bandwidth [Hz] of the lag of first order behind which they
  *  are seen; tau: of the motors since the last sample. share: largest of them in its threshold, above 1
  *  in contact; 0 where threshold, which is positive, is NULL."""
+_ESTIMATE = """The body's inertial parameters and their standard deviations after one more sample.
+ *
+ *  forgetting: by what the weight of older samples is multiplied, above 0; 1 forgets none. gate: how many
+ *  standard deviations a force may be off before its sample is left out; 0: none is. noise: standard
+ *  deviations of the forces. tau: of the motors now. outliers: samples left out so far."""
 _FOLLOW = "Forces of the motors for their values and rates, dt [s] after the last call; 0 the first time."
 
 
@@ -996,6 +1103,7 @@ def loop_files(
     precision: str = "double",
     observer: bool = False,
     cuda: bool = False,
+    estimator: bool = False,
 ) -> LoopCode:
     """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
     if not robot.model.nv:
@@ -1005,7 +1113,7 @@ def loop_files(
         transmission = robot.transmission(coordinates, actuators, "numpy")
         robot = transmission.robot
     kind = DOUBLE if precision == "double" else precision_of(precision)
-    if kind is SINGLE and (transmission is None or functions is not None or observer):
+    if kind is SINGLE and (transmission is None or functions is not None or observer or estimator):
         raise InputError("float: single precision is for --coordinates alone, without other functions")
     if kind is SINGLE and cuda:
         raise InputError("float: CUDA C++ computes with doubles, leave out --cuda")
@@ -1013,8 +1121,16 @@ def loop_files(
         raise InputError("actuators: expected coordinates, too, whose actuators they are")
     compiled = robot.compile(external=external, joint_forces=joint_forces, inertias=inertias, level="numpy")
     name = _prefix(robot, prefix)
+    if estimator and len(compiled.robot.inertias) != 1:
+        count = len(compiled.robot.inertias)
+        raise InputError(f"estimator: expected one inertia, of the body that is estimated, got {count}")
+    if estimator and not compiled.hybrid:
+        raise ModelError(
+            f"estimator: the motion does not determine the forces of {len(robot.actuated)} actuators"
+        )
     wanted = [] if transmission is not None and functions is None else _chosen(compiled, functions)
-    chosen = [compiled.function(one) for one in dict.fromkeys([*wanted, *["momentum"] * observer])]
+    more = [*["momentum"] * observer, *["body_regressor"] * estimator]
+    chosen = [compiled.function(one) for one in dict.fromkeys([*wanted, *more])]
     note = origin(command or f"{MARK.split('`')[1]} --prefix {name}", f"robot {_fingerprint(robot)}", MARK)
     printer = LoopPrinter(robot, compiled, name, chosen, note, transmission, kind)
     c = {

@@ -53,6 +53,7 @@ OPTIONS = r"""
 --engines | choice | Also compute the forces with
 --equilibrium | flag | Start uncontrolled degrees of freedom
 --estimator | choice | Maximum a posteriori
+--estimator | flag | An estimator of the inertial parameters
 --every-tick | flag | Write a row at every
 --exact | flag | Keep massless links massless
 --external | FRAME=FX,FY,FZ[,MX,MY,MZ] / FRAME | (External wrench on a frame|Frame on which)

@@ -44,6 +44,7 @@ def written(tmp_path_factory):
             "joint_forces": True,
             "inertias": ["platform_free"],
             "observer": True,
+            "estimator": True,
         },
         "ankle": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "ankle"},
         "single": {"coordinates": ["ankle_pitch", "ankle_roll"], "prefix": "single", "precision": "float"},
@@ -271,6 +272,82 @@ def test_an_observer_says_what_that_of_python_says(written):
     assert not external.any()
 
 
+class StewartEstimator(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_double * 10) for name in ("prior", "spread", "mean")),
+        ("factor", ctypes.c_double * 100),
+        ("diagonal", ctypes.c_double * 10),
+        ("samples", ctypes.c_double),
+        ("outliers", ctypes.c_double),
+    )
+
+
+def test_an_estimator_says_what_that_of_python_says(written):
+    """With a payload from the middle on, outliers and a known push; what is no sample changes nothing."""
+    c, state, robot = library(written / "stewart", "stewart"), StewartEstimator(), gallery("stewart")
+    compiled = robot.compile(external=["platform"], inertias=["platform_free"], level="numpy")
+    moving, draw, free = (
+        trees.motions(robot, 60, seed=2),
+        np.random.default_rng(0),
+        compiled.independent_places,
+    )
+    other, known = robot.copy(), np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    other.model.inertias[other.model.getJointId("platform_free")] += pin.Inertia.FromSphere(2.0, 0.05)
+    spread, noise = p3dof.loops.payload_deviations(5.0, 0.1), np.linspace(0.5, 1.0, 6)
+    estimator = robot.payload_estimator(
+        "platform_free", noise, spread, forgetting=0.9, gate=8.0, compiled=compiled
+    )
+    parameters, deviations, outliers = np.zeros(10), np.zeros(10), np.zeros(1)
+    assert c.stewart_estimator_start(ctypes.byref(state), None, pointer(spread)) == 0
+
+    def call(q, v, a, tau, forgetting=0.9, gate=8.0, noise=noise):
+        v, a = (np.ascontiguousarray(x[list(free)]) for x in (v, a))
+        given = [pointer(x) for x in (noise, q, v, a, tau, known)]
+        told = *map(pointer, (parameters, deviations, outliers)), None
+        numbers = ctypes.c_double(forgetting), ctypes.c_double(gate)
+        return c.stewart_estimate(ctypes.byref(state), *numbers, *given, None, *told)
+
+    for i in range(60):
+        q, v, a = (np.ascontiguousarray(x[i]) for x in (moving.q, moving.v, moving.a))
+        one = other if i >= 20 else robot
+        tau = one.inverse_dynamics(q, v, a, {"platform": known}).tau + noise * draw.normal(size=6)
+        tau[0] += 1e4 * (i % 10 == 9)
+        estimator.update(q, v, a, tau, {"platform": known})
+        assert call(q, v, a, tau) == 0
+        for found, expected in (
+            (parameters, estimator.body.parameters),
+            (deviations, estimator.body.deviations),
+        ):
+            np.testing.assert_allclose(found / spread, expected / spread, rtol=0, atol=1e-10)
+        assert (outliers[0], state.samples) == (estimator.outliers, estimator.samples)
+    assert estimator.outliers >= 6
+    assert abs(estimator.payload.mass - 2.0) < 4 * estimator.payload.mass_deviation < 1.0
+    before = bytes(state), *parameters, *deviations
+    wrong = np.full(24, np.nan)
+    for arguments in ((wrong, v, a, tau), (q, v, a, wrong), (q, v, a, tau * np.inf), (q, v, wrong, tau)):
+        assert call(*arguments) == 2
+    for bad in (
+        {"forgetting": 0.0},
+        {"forgetting": 1.5},
+        {"gate": -1.0},
+        {"gate": np.nan},
+        {"noise": 0 * noise},
+    ):
+        assert call(q, v, a, tau, **bad) == 2
+    assert call(q + 0.1, v, a, tau) in (4, 5)  # open, or a quaternion that is none
+    assert c.stewart_estimator_start(ctypes.byref(state), None, pointer(-spread)) == 2
+    assert c.stewart_estimator_start(ctypes.byref(state), pointer(wrong), pointer(spread)) == 2
+    assert c.stewart_estimator_start(ctypes.byref(state), None, None) == 1
+    assert (bytes(state), *parameters, *deviations) == before
+    assert c.stewart_estimator_start(ctypes.byref(state), pointer(parameters), pointer(spread)) == 0
+    assert call(q, v, a, tau, gate=0.0) == 0  # none is left out
+    assert (state.samples, state.outliers) == (1.0, 0.0)
+    assert c.stewart_estimator_start(ctypes.byref(state), None, pointer(1e200 * spread)) == 0
+    before = bytes(state)
+    assert call(q, v, a, tau, gate=0.0) == 2  # squares are infinite
+    assert bytes(state) == before
+
+
 def test_statuses_and_what_acts(written):
     call = library(written / "stewart", "stewart").stewart_inverse_dynamics
     robot = gallery("stewart")
@@ -379,6 +456,8 @@ def test_names_functions_and_frames_are_checked():
             loop_files(robot, **options)
     with pytest.raises(ModelError, match="more actuators than freedoms"):
         loop_files(gallery("two_arms"), functions=["hybrid_dynamics"])
+    with pytest.raises(ModelError, match="does not determine the forces of 12 actuators"):
+        loop_files(gallery("two_arms"), inertias=["right_6"], estimator=True)
 
 
 def test_on_the_command_line(capsys, tmp_path):
@@ -414,6 +493,11 @@ def test_on_the_command_line(capsys, tmp_path):
         (["--float"], "single precision is for --coordinates alone"),
         (["--float", "--coordinates", "rocker_joint", "--observer"], "single precision is for --coordinates"),
         (
+            ["--float", "--coordinates", "rocker_joint", "--estimator"],
+            "single precision is for --coordinates",
+        ),
+        (["--estimator"], "expected one inertia, of the body that is estimated, got 0"),
+        (
             ["--float", "--coordinates", "rocker_joint", "--functions", "step"],
             "single precision is for --coordinates alone",
         ),
@@ -424,6 +508,10 @@ def test_on_the_command_line(capsys, tmp_path):
         assert words in error
     assert codegen("--force", "--coordinates", "rocker_joint", "--actuators", "crank_joint")[0] == 0
     head = (out / "bar.h").read_text(encoding="utf-8")
+    assert codegen("--force", "--inertia", "coupler_joint", "--estimator")[0] == 0
+    made = (out / "bar.h").read_text(encoding="utf-8")
+    assert "--inertia coupler_joint --estimator" in made
+    assert "bar_estimate(" in made
     assert "--coordinates rocker_joint --actuators crank_joint" in head
     assert "bar_joint_to_actuator(" in head
     assert "crank_joint (q), coupler_joint (q), rocker_joint (q)" in head

@@ -27,6 +27,9 @@ MADE = {
     "baked": lambda: controller_files(PAPER, True, "baked"),
     "floats": lambda: controller_files(PAPER, True, "floats", precision="float"),
     "robot": lambda: loop_files(gallery("five_bar"), "robot").files,
+    "payload": lambda: (
+        loop_files(gallery("five_bar"), "payload", inertias=["right_elbow"], estimator=True).files
+    ),
     "ankle": lambda: loop_files(gallery("leg"), "ankle", **ANKLE).files,
     "single": lambda: loop_files(gallery("leg"), "single", precision="float", **ANKLE).files,
 }

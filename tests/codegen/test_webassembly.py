@@ -25,6 +25,7 @@ from p3dof.codegen.loops import loop_files
 from p3dof.codegen.selftest import reference
 from p3dof.codegen.web_controller import controller_module
 from p3dof.codegen.webassembly import WebFiles, webassembly
+from p3dof.loops import payload_deviations
 from p3dof.machine.parameters import LINKS, SLIDES, Body
 
 TOOLS = ("clang", "wasm-ld", "node")
@@ -38,12 +39,12 @@ const given = JSON.parse(readFileSync(0, "utf8")), base = pathToFileURL(process.
 const library = await import(new URL(process.argv[3] + ".mjs", base));
 const bytes = await readFile(new URL(process.argv[3] + ".wasm", base));
 const robot = await library.load(bytes), found = [];
-for (const [what, values] of given) {
+for (const [what, values, more] of given) {
     try {
         if (what === "parameters") robot.parameters.set(values), found.push(robot.prepare());
         else if (what === "carry" || what === "start") found.push(robot[what](values));
         else {
-            const result = robot[what](values);
+            const result = robot[what](values, more);
             for (const [name, x] of Object.entries(result)) result[name] = x.length ? [...x] : x;
             found.push(result);
         }
@@ -284,7 +285,7 @@ def test_a_transmission(tmp_path):
 @built
 def test_a_motion_is_followed(tmp_path):
     robot = p3dof.load_robot(GALLERY / "five_bar.urdf")
-    code = loop_files(robot, prefix="bar", observer=True)
+    code = loop_files(robot, prefix="bar", inertias=["right_elbow"], observer=True, estimator=True)
     write(tmp_path, code.files, code.web)
     home, time = robot.assemble().q, np.arange(0, 0.2, 0.01)
     w, phase = 2 * np.pi * 2, np.array([0.0, 1.0])
@@ -294,6 +295,17 @@ def test_a_motion_is_followed(tmp_path):
     steps = np.diff(time, prepend=0.0)
     expected = robot.compile().complete(time, angle, speed, push)
     forces = expected.tau + np.array([1.0, -2.0])
+    spread = payload_deviations(2.0, 0.1)
+    estimator = robot.payload_estimator("right_elbow", 0.5, spread)
+    sample = {
+        "forgetting": np.full(len(time), 0.9),
+        "gate": np.zeros(len(time)),
+        "noise": np.full((len(time), 2), 0.5),
+        "q": expected.q,
+        "v_independent": expected.v[:, [0, 2]],
+        "a_independent": expected.a[:, [0, 2]],
+        "tau": forces,
+    }
     answer = node(
         tmp_path,
         "bar",
@@ -312,9 +324,23 @@ def test_a_motion_is_followed(tmp_path):
                     tau=np.roll(forces, 1, axis=0),  # that acted since the last sample
                 ),
             ),
+            ("startEstimator", spread.tolist()),
+            ("estimate", rows(**sample)),
+            ("startEstimator", spread.tolist(), (estimator.design + 0.1).tolist()),
+            ("estimate", rows(**sample)),
+            ("startEstimator", spread[:9].tolist()),
         ],
     )
-    status, found, open_status, _, observed = answer["found"]
+    status, found, open_status, _, observed, begun, *estimated, short = answer["found"]
+    for answered, more in ((estimated[0], 0.0), (estimated[2], 0.1)):
+        one = robot.payload_estimator("right_elbow", 0.5, spread, estimator.design + more, 0.9)
+        for state in zip(expected.q, expected.v, expected.a, forces, strict=True):
+            one.update(*state)
+        for name in ("parameters", "deviations"):
+            seen = answered[name].reshape(len(time), 10)[-1]
+            np.testing.assert_allclose(seen, getattr(one.body, name), rtol=0, atol=1e-11)
+    assert begun == 0
+    assert short == "TypeError: startEstimator: expected ten numbers"
     seen = robot.observer(5.0).record(time, expected.q, expected.v, forces, held=True)
     np.testing.assert_allclose(observed["external"].reshape(len(time), 2), seen, rtol=0, atol=1e-12)
     assert np.abs(seen).max() > 1.0

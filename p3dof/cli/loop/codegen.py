@@ -27,8 +27,8 @@ from p3dof.loops import ClosedLoopModel
 @click.option(
     "--functions",
     help="Functions, with commas: inverse_dynamics, forward_dynamics, hybrid_dynamics, motion, step, "
-    "integrate, momentum, tangent_of_forces, tangent_of_accelerations. By default inverse_dynamics, "
-    "forward_dynamics, motion, step and integrate.",
+    "integrate, momentum, body_regressor, tangent_of_forces, tangent_of_accelerations. By default "
+    "inverse_dynamics, forward_dynamics, motion, step and integrate.",
 )
 @click.option("--external", multiple=True, metavar="FRAME", help="Frame on which an external wrench can act.")
 @click.option("--joint-forces", is_flag=True, help="Additional joint forces as an argument.")
@@ -49,6 +49,9 @@ from p3dof.loops import ClosedLoopModel
 )
 @click.option("--cuda", is_flag=True, help="Also CUDA C++: the functions at many samples.")
 @click.option("--observer", is_flag=True, help="A momentum observer of contact forces.")
+@click.option(
+    "--estimator", is_flag=True, help="An estimator of the inertial parameters of the body of --inertia."
+)
 @click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
 @CPU
 @WASM
@@ -67,6 +70,7 @@ def codegen(
     actuators: str | None,
     cuda: bool,
     observer: bool,
+    estimator: bool,
     single: bool,
     cpu: str,
     wasm: bool,
@@ -81,7 +85,8 @@ def codegen(
     if wasm and single:
         raise InputError("--wasm: JavaScript's numbers are doubles: leave --float out")
     kind, loads = "float" if single else "double", (external, joint_forces, inertias)
-    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind, observer, cuda)
+    extras = observer, cuda, estimator
+    code = loop_files(robot, prefix, chosen, *loads, _command(), cpu, ends, others, kind, *extras)
     job = Generated.of(code.files, out, MARK, WebFiles(code.web), wasm)
     if check:
         return print_check({out: job.differences()})
@@ -114,6 +119,7 @@ def _command() -> str:
         "--actuators": given["actuators"],
         "--cuda": given["cuda"],
         "--observer": given["observer"],
+        "--estimator": given["estimator"],
         "--float": given["single"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
     }
