@@ -23,7 +23,14 @@ from .identification.estimates import (
     estimate_parameters,
     estimate_payload,
 )
-from .identification.forces import ExtendedForces, IdentifiableForces, LoopForces, prior_deviations
+from .identification.forces import (
+    ExtendedForces,
+    IdentifiableForces,
+    LoopForces,
+    Rows,
+    States,
+    prior_deviations,
+)
 from .identification.validation import Identification, identify
 from .identification.logs import MotorLog, read_log
 from .identification.validation import Validation, validate
@@ -109,10 +116,12 @@ __all__ = [
     "ReactionSolver",
     "RecursiveEstimator",
     "ReflectedDynamics",
+    "Rows",
     "SampledMotion",
     "Sidecar",
     "SingularityMargins",
     "State",
+    "States",
     "Transmission",
     "Validation",
     "beam",

@@ -18,7 +18,7 @@ from documents import ROOT
 
 import p3dof
 from p3dof._base.errors import ModelWarning
-from p3dof.cli import doctor
+from p3dof.cli import start
 from p3dof.cli.start import NEXT, starting_files
 from p3dof.design.drives import GENERIC, read_catalogue
 
@@ -115,7 +115,7 @@ def test_doctor_has_a_line_for_everything_and_the_same_as_json(capsys):
     code, out, _ = run(capsys, "doctor")
     assert code == 0
     lines = [(line[:9].strip(), line[9:21].strip(), line[21:]) for line in out.splitlines()]
-    names = ["p3dof", "Python", *doctor.REQUIRED, "kernels", *doctor.EXTRAS, *doctor.ENGINES]
+    names = ["p3dof", "Python", *start.REQUIRED, "kernels", *start.EXTRAS, *start.ENGINES]
     assert [name for _, name, _ in lines] == [*names, "C compiler", "browser", "cache"]
     assert lines[0][2] == f"{p3dof.__version__} in {Path(p3dof.__file__).parent}"
     assert ("ok", "numpy", np.__version__) in lines
@@ -192,12 +192,12 @@ def test_doctor_knows_every_extra_and_what_it_needs():
             )
 
     tools = {"interop", "test", "dev", "docs", "adapters", "torch"}  # which the package imports nothing of
-    assert set(doctor.EXTRAS) | {"engines"} == set(extras) - tools
-    for extra, (_, packages) in doctor.EXTRAS.items():
+    assert set(start.EXTRAS) | {"engines"} == set(extras) - tools
+    for extra, (_, packages) in start.EXTRAS.items():
         assert packages.split() == sorted(set(needs(extra)), key=str.lower), extra
-    assert sorted(doctor.ENGINES) == sorted(needs("engines"))
+    assert sorted(start.ENGINES) == sorted(needs("engines"))
     page = (ROOT / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
-    assert {*doctor.EXTRAS, "engines"} <= set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
+    assert {*start.EXTRAS, "engines"} <= set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
 
 
 def test_bash_completes_commands_options_values_and_files(tmp_path):

@@ -123,7 +123,7 @@ class PreparedLog(Readable):
         return len(self.time)
 
 
-class Fit:
+class ForcesFit:
     """Maximum a posteriori fits of many measured forces with one model: one factorisation, then products."""
 
     def __init__(
@@ -183,7 +183,7 @@ class Motion(NamedTuple):
     left: FloatArray  # (m,): rms of what is not followed
 
 
-class Sampled(NamedTuple):
+class SampledLog(NamedTuple):
     """Where forces and model are compared, and the measured forces there for any delay."""
 
     time: FloatArray
@@ -280,7 +280,7 @@ def _motion_told(forces: IdentifiableForces, motion: Motion, T: float, repeats: 
 
 
 def _fitted(
-    sampled: Sampled, design: FloatArray, prior: FloatArray, delay: Delay
+    sampled: SampledLog, design: FloatArray, prior: FloatArray, delay: Delay
 ) -> tuple[FloatArray, float, float]:
     """Return noise (m,), delay and its standard deviation."""
     from scipy.optimize import minimize_scalar
@@ -292,7 +292,7 @@ def _fitted(
     noise, doubt, tried_once = np.maximum(least, 1e-3 * y.std(axis=0)), 0.0, not isinstance(delay, str)
     for _ in range(_PASSES):
         clear = sampled.reversal > sampled.near + (abs(at) if tried_once else LONGEST_DELAY)
-        fit = Fit(sampled.rows, design, prior, noise, offsets, clear if clear.mean() > _CLEAR else None)
+        fit = ForcesFit(sampled.rows, design, prior, noise, offsets, clear if clear.mean() > _CLEAR else None)
         tried_once = True
         if isinstance(delay, str):
             tried = np.linspace(-LONGEST_DELAY, LONGEST_DELAY, 41)
@@ -424,7 +424,7 @@ def resolution(values: FloatArray) -> float:
 def _fourier(
     time: FloatArray, positions: FloatArray, known: NDArray[np.bool_], T: float, step: float
 ) -> Motion:
-    """Fit Fourier series to the columns of positions."""
+    """ForcesFit Fourier series to the columns of positions."""
     most = int(min(_HARMONICS, T / step / 4, len(time) / 8))
     coefficients, residual = np.zeros((2 * most + 1, positions.shape[1])), np.zeros(positions.shape[1])
     harmonics = 1
@@ -464,7 +464,7 @@ def _averaged(
     good: Usable,
     span: tuple[float, float, float],
     prior: FloatArray | None,
-) -> tuple[Sampled, Motion, int]:
+) -> tuple[SampledLog, Motion, int]:
     """Return the average over whole periods; with a prior, what is wrong is told where none is possible."""
     T, first, last = span
     repeats, step = round((last - first) / T), float(np.median(np.diff(log.time)))
@@ -508,7 +508,9 @@ def _averaged(
 
     rows = forces.rows(states)
     share = float((lowpass**2).mean()) / repeats
-    found = Sampled(first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step)
+    found = SampledLog(
+        first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step
+    )
     return found, motion, repeats
 
 
@@ -530,7 +532,7 @@ def _from_reversals(time: FloatArray, motion: Motion, T: float = 0.0) -> FloatAr
 
 def _filtered(
     forces: IdentifiableForces, log: MotorLog, good: Usable, smooth: Smooth, prior: FloatArray | None
-) -> tuple[Sampled, Motion]:
+) -> tuple[SampledLog, Motion]:
     """Return filtered forces and model, piece by piece between gaps."""
     way = checked(smooth)
     if way is None:
@@ -554,7 +556,7 @@ def _filtered(
             "longer motion"
         )
     noise = np.array([_differences(log.forces[good.kept[:, j], j]) for j in range(log.forces.shape[1])])
-    joined = Sampled(
+    joined = SampledLog(
         time,
         _joined([one.states for one in found]),
         Rows(*(np.concatenate(part) for part in zip(*(one.rows for one in found), strict=True))),
@@ -610,7 +612,7 @@ def _differences(values: FloatArray) -> float:
 
 
 def _splines(log: MotorLog, good: Usable, piece: slice, way: Literal["auto"] | float) -> Motion:
-    """Fit smoothing splines to positions between gaps."""
+    """ForcesFit smoothing splines to positions between gaps."""
     time, each, residual, bands = log.time[piece], [], [], []
     for j, column in enumerate(log.positions[piece].T):
         keep = good.positions[piece, j]
@@ -633,7 +635,7 @@ def _splines(log: MotorLog, good: Usable, piece: slice, way: Literal["auto"] | f
 
 def _piece(
     forces: IdentifiableForces, log: MotorLog, good: Usable, piece: slice, motion: Motion, half: float
-) -> Sampled:
+) -> SampledLog:
     """Return forces and model of a piece through windows of a half width [s]; zero for none."""
     time, y, kept = log.time[piece], log.forces[piece], good.kept[piece]
     ends = half + (LONGEST_DELAY if half else 0.0)
@@ -671,7 +673,7 @@ def _piece(
 
     reversal = _from_reversals(time, motion)
     nearest = np.stack([np.interp(at, time, reversal[:, j]) for j in range(m)], axis=-1)
-    return Sampled(at, states, rows, measured, np.zeros(m), 1.0, nearest, 0.0)
+    return SampledLog(at, states, rows, measured, np.zeros(m), 1.0, nearest, 0.0)
 
 
 def _blocks(count: int) -> Iterator[slice]:

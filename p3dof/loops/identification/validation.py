@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.tables import Table, percent, table_of
 from p3dof._base.time_series.smoothing import Smooth
-from p3dof.loops.identification.data import OFFSET, Delay, Fit, Period, PreparedLog, prepare_log
+from p3dof.loops.identification.data import OFFSET, Delay, ForcesFit, Period, PreparedLog, prepare_log
 from p3dof.loops.identification.estimates import EstimationMethod, ParameterEstimate, estimate_parameters
 from p3dof.loops.identification.forces import IdentifiableForces, Rows
 from p3dof.loops.identification.logs import MotorLog, beyond_limits, excitation_told
@@ -144,7 +144,7 @@ def identify(
         columns, data.forces - data.rows.known, design, doubt, data.noise,
         method=method, widths=widths, names=names, consistent=consistent,
     )  # fmt: skip
-    fit = Fit(data.rows, forces.design, prior, data.noise, doubt[count:] if offsets else np.zeros(m))
+    fit = ForcesFit(data.rows, forces.design, prior, data.noise, doubt[count:] if offsets else np.zeros(m))
     factor, share = fit.against_prior(data.forces, _INFORMED)
     remarks = [
         *data.remarks,
