@@ -30,7 +30,6 @@ from p3dof.loops.identification.search import (
     Unknowns,
     at_rest,
     gram,
-    measure,
     room,
     sampled,
 )
@@ -448,7 +447,7 @@ def optimise_excitation(
     expected = _Expected.of(unknowns, columns, over)
     ramp, utilisation = _ramped(forces, basis, best, ramp, steady)
     own, single = _deviations(unknowns, columns, search.count, doubts[unknowns.free], prior)
-    H = gram(columns).sum(axis=0)
+    rows = columns.reshape(-1, columns.shape[-1])
     return Excitation(
         coordinates=forces.coordinates,
         coordinate_units=forces.coordinate_units,
@@ -473,7 +472,7 @@ def optimise_excitation(
         parameter_deviations=_held(single),
         workspace_error=_held(sigma * expected.errors(search.count, "workspace")),
         task_error=None if task is None else _held(sigma * expected.errors(search.count, "task")),
-        condition=float(np.exp(measure("condition", H, search.over)[0])),
+        condition=float(np.linalg.cond(rows / np.linalg.norm(rows, axis=0))),
         utilisation=_held(utilisation),
         limits=forces.limits,
         motions=search.motions,
