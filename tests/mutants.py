@@ -262,7 +262,6 @@ TESTS = {
     ),
     "p3dof/loops/identification/excitation.py": ("excitation",),
     "p3dof/loops/identification/search.py": ("excitation",),
-    "p3dof/loops/identification/online.py": ("online",),
     "p3dof/report/plots/identification.py": ("excite", "cli_calibrate", "identification_validation"),
     "p3dof/loops/identification/data.py": ("identification_data",),
     "p3dof/loops/identification/logs.py": ("identification_data",),
