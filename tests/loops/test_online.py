@@ -284,6 +284,25 @@ def test_the_covariance_stays_positive_where_the_usual_update_fails():
     assert (factors.deviations() > 0.0).all()
 
 
+def test_what_is_forgotten_is_not_what_was_known_before():
+    """Inverse covariances: of the measurements by the factor, of the prior none."""
+    draw, factors = np.random.default_rng(0), UDFactors(10)
+    rows = draw.normal(size=(15, 10))
+    for h in rows:
+        factors.measure(h.tolist(), 0.04, 1.0)
+    mean = factors.z.copy()
+    factors.forget(0.9)
+    U, D = np.array(factors.U), np.diag(factors.D)
+    expected = np.linalg.inv(np.eye(10) + 0.9 * rows.T @ rows / 0.04)
+    assert_allclose(U @ D @ U.T, expected, rtol=0, atol=1e-14 * np.linalg.cond(expected))
+    assert_allclose(factors.deviations(), np.sqrt(np.diag(expected)), rtol=1e-11)
+    assert np.array_equal(np.triu(U), U)
+    assert factors.z == mean
+    new, variance = factors.seen(rows[0].tolist(), 3.0)
+    assert new == pytest.approx(3.0 - rows[0] @ mean, rel=1e-12)
+    assert variance == pytest.approx(rows[0] @ expected @ rows[0], rel=1e-11)
+
+
 def test_numbers_of_a_body():
     """Standard deviations of a mass centre: those of normal samples, to first order."""
     robot, draw = gallery("stewart"), np.random.default_rng(0)
@@ -294,6 +313,8 @@ def test_numbers_of_a_body():
     assert_allclose(body.centre, robot.model.inertias[-1].lever, rtol=0, atol=1e-15)
     assert body.mass == robot.model.inertias[-1].mass
     assert body.mass_deviation == pytest.approx(0.02, rel=1e-15)
+    second = np.array([1.0, 0.5, 1.0, 0.5, 0.5, 1.0])  # no product of inertia is above half the mass times r²
+    assert_allclose(payload_deviations(3.0, 0.2), 3 * np.array([1.0, *[0.2] * 3, *0.04 * second]), rtol=1e-15)
     nothing = estimator.payload
     assert nothing.mass == 0.0
     assert np.isnan(nothing.centre).all()
