@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -57,6 +57,7 @@ class Rows(NamedTuple):
     known: FloatArray  # (N, m): what no parameter changes [N or N m]
 
 
+@runtime_checkable
 class IdentifiableForces(Protocol):
     """What identification needs of a robot or machine: `LoopForces`, `MachineForces`."""
 
