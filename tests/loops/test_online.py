@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from p3dof import runs
 from p3dof._base.errors import InputError, ModelError, SingularityError
-from p3dof.loops import RecursiveEstimator, estimate_parameters, payload_deviations
+from p3dof.loops import BodyEstimate, RecursiveEstimator, estimate_parameters, payload_deviations
 from p3dof.loops.compiled.robot import closed_configurations
 from p3dof.loops.online import UDFactors
 from p3dof.loops.trees import joint_value
@@ -306,16 +306,21 @@ def test_what_is_forgotten_is_not_what_was_known_before():
 def test_numbers_of_a_body():
     """Standard deviations of a mass centre: those of normal samples, to first order."""
     robot, draw = gallery("stewart"), np.random.default_rng(0)
-    estimator = robot.payload_estimator("platform_free", 1.0, payload_deviations(0.02, 0.1))
+    light = pin.Inertia(1e-3, np.array([2.0, -3.0, 1.0]), 1e-2 * np.eye(3))  # kg, m
+    spread = payload_deviations(2e-5, 0.1)
+    estimator = robot.payload_estimator("platform_free", 1.0, spread, light.toDynamicParameters())
     body = estimator.body
-    some = draw.multivariate_normal(body.parameters, body.covariance, size=20_000)
-    assert_allclose(body.centre_deviations, (some[:, 1:4].T / some[:, 0]).std(axis=1), rtol=0.02)
-    assert_allclose(body.centre, robot.model.inertias[-1].lever, rtol=0, atol=1e-15)
-    assert body.mass == robot.model.inertias[-1].mass
-    assert body.mass_deviation == pytest.approx(0.02, rel=1e-15)
+    mixed = draw.normal(size=(10, 10)) * 1e-5
+    sure = BodyEstimate(body.parameters, mixed @ mixed.T)
+    some = draw.multivariate_normal(sure.parameters, sure.covariance, size=20_000)
+    assert_allclose(sure.centre_deviations, (some[:, 1:4].T / some[:, 0]).std(axis=1), rtol=0.05)
+    assert_allclose(body.centre, light.lever, rtol=1e-14)
+    assert body.mass == 1e-3
+    assert body.mass_deviation == pytest.approx(2e-5, rel=1e-15)
     second = np.array([1.0, 0.5, 1.0, 0.5, 0.5, 1.0])  # no product of inertia is above half the mass times r²
     assert_allclose(payload_deviations(3.0, 0.2), 3 * np.array([1.0, *[0.2] * 3, *0.04 * second]), rtol=1e-15)
-    nothing = estimator.payload
+    assert estimator.payload.mass == 1e-3 - robot.model.inertias[-1].mass
+    nothing = robot.payload_estimator("platform_free", 1.0, spread).payload
     assert nothing.mass == 0.0
     assert np.isnan(nothing.centre).all()
     assert np.isnan(nothing.centre_deviations).all()
