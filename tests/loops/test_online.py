@@ -358,8 +358,8 @@ def test_bad_input_is_one_line_and_changes_nothing():
     for mass, reach in ((0.0, 1.0), (1.0, -1.0), (np.nan, 1.0)):
         with pytest.raises(InputError, match=r"mass|reach"):
             payload_deviations(mass, reach)
-    estimator = robot.payload_estimator(joint, log.noise, SPREAD, compiled=compiled)
-    assert isinstance(estimator, RecursiveEstimator)
+    assert isinstance(robot.payload_estimator(joint, 1.0, SPREAD, compiled=compiled), RecursiveEstimator)
+    estimator = RecursiveEstimator(robot, joint, log.noise, SPREAD, compiled=compiled)
     run(estimator, log, log.loaded)
     before, (q, v, a, tau) = estimator.body, (log.q[0], log.v[0], log.a[0], log.loaded[0])
     for words, sample in (
