@@ -15,7 +15,14 @@ import p3dof
 from p3dof import ClosedLoopModel
 from p3dof._base.errors import InputError
 from p3dof.analysis import MachineForces
-from p3dof.loops import ExtendedForces, LoopForces, estimate_parameters, estimate_payload, prior_deviations
+from p3dof.loops import (
+    ExtendedForces,
+    LoopForces,
+    estimate_parameters,
+    estimate_payload,
+    optimise_excitation,
+    prior_deviations,
+)
 from p3dof.loops.identification.forces import bodies_of, pseudo_inertia
 from p3dof.machine.motion import paper_motion
 from p3dof.machine.parameters import SOLIDS, Body, Friction
@@ -520,3 +527,19 @@ def test_extras_that_are_none_are_refused(logged):
         ExtendedForces(logged[0], stribeck_speed=0)
     with pytest.raises(InputError, match="at: expected 115 parameters or more, got 3"):
         ExtendedForces(logged[0], at=[1, 2, 3])
+
+
+@pytest.mark.slow
+def test_a_badly_chosen_motion_gives_consistent_parameters_that_predict():
+    """Ten seconds with the least condition number, 1 N of noise: .05 N on the paper's motion."""
+    forces, motion = MachineForces(SOLIDS), paper_motion(101)
+    found = optimise_excitation(forces, criterion="condition", motions=400)
+    rows = forces.rows(forces.from_coordinates(*found.steady(np.arange(10_000) / 1000))).columns
+    paper = forces.rows(forces.from_coordinates(motion.pose, motion.velocity, motion.acceleration)).columns
+    for seed in range(3):
+        built = built_machine(seed)
+        measured = rows @ built.design + np.random.default_rng(seed).normal(0, 1.0, rows.shape[:2])
+        estimate = estimate_parameters(rows, measured, forces.design, forces.deviations(), names=forces.names)
+        error = np.sqrt(((paper @ (estimate.parameters - built.design)) ** 2).mean(axis=0))
+        assert (error < 0.05).all()
+        forces.corrected(estimate.parameters)  # refuses bodies that are none
