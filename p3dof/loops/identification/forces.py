@@ -401,10 +401,10 @@ _RUBBING = 1e-3  # speed over which Coulomb friction changes its sign [m/s or ra
 class ExtendedForces:
     """Forces with what a model of bodies and simple friction lacks, at each actuator.
 
-    With the speed v and the force f of the actuator, and s(v) = tanh(v / 0.001),
+    With the speed v and the force f of the actuator, and ``s(v) = tanh(v / 0.001)``,
 
-    - ``stribeck``: friction that falls as the joint begins to move, exp(-(v / v_s)²) s(v) [N or N m];
-    - ``load_friction``: friction in proportion to the load, |f| s(v), as of screws and gears [-];
+    - ``stribeck``: friction that falls as the joint begins to move, ``exp(-(v / v_s)²) s(v)`` [N or N m];
+    - ``load_friction``: friction in proportion to the load, ``|f| s(v)``, as of screws and gears [-];
     - ``constant``: by what share the motor's constant is larger than was taken for the measured force [-];
     - ``offset``: of the measured force [N or N m].
 
