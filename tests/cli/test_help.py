@@ -53,7 +53,6 @@ OPTIONS = r"""
 --engines | choice | Also compute the forces with
 --equilibrium | flag | Start uncontrolled degrees of freedom
 --estimator | choice | Maximum a posteriori
---estimator | flag | An estimator of the inertial parameters
 --every-tick | flag | Write a row at every
 --exact | flag | Keep massless links massless
 --external | FRAME=FX,FY,FZ[,MX,MY,MZ] / FRAME | (External wrench on a frame|Frame on which)
@@ -127,6 +126,7 @@ OPTIONS = r"""
 --parameters | FILE | Parameter file of the machine
 --paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
+--payload-estimator | flag | An estimator of the inertial parameters
 --period | number | Period of the motion
 --periods | whole number | Periods that are measured
 --plan | POSES | Choose so many poses to

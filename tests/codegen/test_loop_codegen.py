@@ -493,10 +493,10 @@ def test_on_the_command_line(capsys, tmp_path):
         (["--float"], "single precision is for --coordinates alone"),
         (["--float", "--coordinates", "rocker_joint", "--observer"], "single precision is for --coordinates"),
         (
-            ["--float", "--coordinates", "rocker_joint", "--estimator"],
+            ["--float", "--coordinates", "rocker_joint", "--payload-estimator"],
             "single precision is for --coordinates",
         ),
-        (["--estimator"], "expected one inertia, of the body that is estimated, got 0"),
+        (["--payload-estimator"], "expected one inertia, of the body that is estimated, got 0"),
         (
             ["--float", "--coordinates", "rocker_joint", "--functions", "step"],
             "single precision is for --coordinates alone",
@@ -508,9 +508,9 @@ def test_on_the_command_line(capsys, tmp_path):
         assert words in error
     assert codegen("--force", "--coordinates", "rocker_joint", "--actuators", "crank_joint")[0] == 0
     head = (out / "bar.h").read_text(encoding="utf-8")
-    assert codegen("--force", "--inertia", "coupler_joint", "--estimator")[0] == 0
+    assert codegen("--force", "--inertia", "coupler_joint", "--payload-estimator")[0] == 0
     made = (out / "bar.h").read_text(encoding="utf-8")
-    assert "--inertia coupler_joint --estimator" in made
+    assert "--inertia coupler_joint --payload-estimator" in made
     assert "bar_estimate(" in made
     assert "--coordinates rocker_joint --actuators crank_joint" in head
     assert "bar_joint_to_actuator(" in head

@@ -85,10 +85,10 @@ def test_an_interrupted_block_is_not_taken_for_a_whole_one(tmp_path, monkeypatch
     """`simulate_many` returns what is done when somebody presses Ctrl-C: less than a block."""
     from dataclasses import replace
 
-    from p3dof.design.sweeps import runs
+    from p3dof.design.sweeps import designs
 
-    whole = runs.simulate_many
-    monkeypatch.setattr(runs, "simulate_many", lambda *a, **o: replace(whole(*a, **o), interrupted=True))
+    whole = designs.simulate_many
+    monkeypatch.setattr(designs, "simulate_many", lambda *a, **o: replace(whole(*a, **o), interrupted=True))
     with pytest.raises(blocks.SweepInterrupted, match="0 of 4 blocks"):
         p3dof.sweep(problem(), tmp_path)
     assert not files(tmp_path)

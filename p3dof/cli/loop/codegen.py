@@ -50,7 +50,10 @@ from p3dof.loops import ClosedLoopModel
 @click.option("--cuda", is_flag=True, help="Also CUDA C++: the functions at many samples.")
 @click.option("--observer", is_flag=True, help="A momentum observer of contact forces.")
 @click.option(
-    "--estimator", is_flag=True, help="An estimator of the inertial parameters of the body of --inertia."
+    "--payload-estimator",
+    "estimator",
+    is_flag=True,
+    help="An estimator of the inertial parameters of the body of --inertia.",
 )
 @click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
 @CPU
@@ -119,7 +122,7 @@ def _command() -> str:
         "--actuators": given["actuators"],
         "--cuda": given["cuda"],
         "--observer": given["observer"],
-        "--estimator": given["estimator"],
+        "--payload-estimator": given["estimator"],
         "--float": given["single"],
         "--cpu": None if given["cpu"] == "native" else given["cpu"],
     }

@@ -44,6 +44,7 @@ from p3dof.loops.identification.fitting import (
     observability,
     outliers_of,
 )
+from p3dof.loops.identification.forces import LEAST_MARGIN
 from p3dof.loops.model import ClosedLoopModel
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz", "distance")
@@ -503,7 +504,6 @@ class MeasurementPlan(Readable):
         return plan_table(self)
 
 
-_MARGIN = 0.05  # least singularity margin of actuation of a random candidate
 _TRIES = 20  # random readings for each that is wanted
 
 
@@ -540,7 +540,7 @@ def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> Flo
             continue
         if not there.same_assembly or robot.beyond_limits(there.q):
             continue
-        if robot.singularity_margins(there.q).actuation > _MARGIN:
+        if robot.singularity_margins(there.q).actuation > LEAST_MARGIN:
             found.append(reading)
         if len(found) == wanted:
             return np.array(found)

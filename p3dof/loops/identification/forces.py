@@ -15,7 +15,7 @@ from p3dof._base.checks import FloatArray, frozen_array, positive, shown
 from p3dof._base.errors import AssemblyError, InputError, ModelError
 from p3dof.loops.assembly import Limits
 from p3dof.loops.compiled.kept import Method
-from p3dof.loops.coordinates import length_coordinates
+from p3dof.loops.coordinates import SMOOTHING, length_coordinates
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.regressor import MOMENTS
 from p3dof.loops.sidecar import JointData
@@ -36,7 +36,7 @@ _FREE_SPEED, _FREE_RANGE = 1.0, 0.5
 """Largest speed and way of an actuator without limits [per second; rad, or share of the unit of length]."""
 _SEEN, _IDLE = 1e-6, 1e-3
 """Share of a motion that actuators see; share of the largest inertial forces above which they feel one."""
-_MARGIN = 0.05
+LEAST_MARGIN = 0.05
 """Least singularity margin of actuation."""
 
 
@@ -313,7 +313,7 @@ class LoopForces:
         fast = np.abs(states.velocities) / speed - 1
         strong = np.abs(tau) / force - 1
         margin = self._robot.singularity_margins(q).actuation
-        return np.column_stack([joints, way, fast, strong, 1 - margin / _MARGIN])
+        return np.column_stack([joints, way, fast, strong, 1 - margin / LEAST_MARGIN])
 
     def corrected(self, parameters: ArrayLike) -> ClosedLoopModel:
         """Return the robot with other parameters (P,).
@@ -393,9 +393,8 @@ def require_possible(body: str, ten: FloatArray) -> None:
 
 EXTRAS = ("stribeck", "load_friction", "constant", "offset")
 """What `ExtendedForces` may add."""
-_LOAD_FRICTION, _CONSTANT, _OFFSET = 0.05, 0.05, 0.01
+_LOAD_FRICTION, _CONSTANT, _OFFSET_SHARE = 0.05, 0.05, 0.01
 """Standard deviations of these by default: two shares of the force, and a share of the largest force."""
-_RUBBING = 1e-3  # speed over which Coulomb friction changes its sign [m/s or rad/s], as in `JointData`
 
 
 class ExtendedForces:
@@ -466,7 +465,7 @@ class ExtendedForces:
             "stribeck": coulomb * force,
             "load_friction": np.full_like(force, _LOAD_FRICTION),
             "constant": np.full_like(force, _CONSTANT),
-            "offset": _OFFSET * force,
+            "offset": _OFFSET_SHARE * force,
         }
         own = self._forces.deviations(mass, shift, other, coulomb, viscous)
         return np.concatenate([own, *(sizes[extra] for extra in self._extras)])
@@ -482,7 +481,7 @@ class ExtendedForces:
     def rows(self, states: States) -> Rows:
         """Return the forces as functions of the parameters."""
         own, v = self._forces.rows(states), states.velocities
-        load, sign = own.columns @ self._at + own.known, np.tanh(v / _RUBBING)
+        load, sign = own.columns @ self._at + own.known, np.tanh(v / SMOOTHING)
         kinds = {
             "stribeck": np.exp(-((v / self._speed) ** 2)) * sign,
             "load_friction": np.abs(load) * sign,

@@ -43,7 +43,7 @@ _MOST_LEFT_OUT = 0.2
 """Share of the samples that may be left out as saturated or outliers."""
 _GAP = 5.0
 """Steps, over the median step, from which there is a gap."""
-_WINDOW, _FAR = 5, 8.0
+_WINDOW, _OUTLYING = 5, 8.0
 """Samples to each side, and spreads from their median, of what is no outlier yet (Hampel)."""
 
 
@@ -329,7 +329,7 @@ def outliers(values: FloatArray) -> NDArray[np.bool_]:
     middle = np.median(windows, axis=1)
     spread = 1.4826 * np.median(np.abs(windows - middle[:, None]), axis=1)
     floor = np.quantile(spread, 0.9) + 1e-12 * np.abs(values).max()
-    found = np.abs(values - middle) > _FAR * np.maximum(spread, floor)
+    found = np.abs(values - middle) > _OUTLYING * np.maximum(spread, floor)
     found[:_WINDOW] = found[-_WINDOW:] = False  # a step there has one side only
     return np.asarray(found)
 
@@ -372,7 +372,7 @@ _BAD = 0.3
 """Share of the forces that the model leaves, from which something may be wrong with the columns."""
 _BETTER = 0.5
 """By what another reading of the columns is better at least."""
-_NOISE, _OFFSET = 0.1, 0.1
+_NOISE, _SENSOR_OFFSET = 0.1, 0.1
 """Of forces, for these comparisons: shares of their variation."""
 _SURE = 0.05
 """Share that another reading leaves, below which no further one is tried."""
@@ -427,7 +427,7 @@ def left_over(forces: IdentifiableForces, rows: Rows, prior: FloatArray, measure
     All parameters are free within the prior, which counts too; friction and rotors are not negative.
     """
     size, m = np.maximum(measured.std(axis=0), 1e-300), measured.shape[1]
-    shift = np.broadcast_to(np.diag(_OFFSET * size), (len(measured), m, m))
+    shift = np.broadcast_to(np.diag(_SENSOR_OFFSET * size), (len(measured), m, m))
     own = np.concatenate([rows.columns * prior, shift], axis=-1) / (_NOISE * size[:, None])
     A = own.reshape(-1, own.shape[-1])
     r = ((measured - rows.columns @ forces.design - rows.known) / (_NOISE * size)).ravel()

@@ -39,7 +39,7 @@ _FARTHEST, _TINIEST = (
     np.pi,
     1e-4,
 )  # how far a coordinate goes from home at most, and what counts as not at all
-_ENOUGH, _BETTER = 1e-5, 1e-3
+_SETTLED_TO, _BETTER = 1e-5, 1e-3
 """Of the logarithm of the criterion: where the optimiser ends, and what beginning anew must gain."""
 
 
@@ -367,7 +367,7 @@ class Search:
             while True:  # where it goes out of reach it ends, and begins anew at the best point before
                 minimize(
                     at.value, x, jac=at.value_by, constraints=[limits], method="SLSQP",
-                    options={"maxiter": 10_000, "ftol": _ENOUGH},
+                    options={"maxiter": 10_000, "ftol": _SETTLED_TO},
                 )  # fmt: skip
                 if not at.lowest < before - _BETTER:
                     break
