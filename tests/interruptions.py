@@ -55,7 +55,7 @@ JOBS = {
             "optimise",
             "problem.yaml",
             "--starts",
-            "4",
+            "8",
             "--objective",
             "peak_force",
             "--store",

@@ -10,9 +10,9 @@ from .identification import predicted_figure, residuals_figure
 from .maps import loci_figure, map_figure, slices_figure
 from .mechanism import mechanism_figure
 from .designs import front_figure, optimum_figure
-from .forces import robot_run_figure
+from .robot_run import robot_run_figure
 from .tasks import balance_figure, drives_figure, task_figure
-from .tolerances import sensitivity_figure, tolerance_figure
+from .designs import sensitivity_figure, tolerance_figure
 
 __all__ = [
     "axis_forces_figure",

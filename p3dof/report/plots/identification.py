@@ -6,24 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from p3dof._base.checks import require
+from p3dof._base.checks import FloatArray, require, shown
+from p3dof._base.errors import InputError
 from p3dof.loops.identification.validation import Identification, Validation
 from p3dof.report.plots.common import COLOURS, new_figure, tidy
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
-
-from p3dof._base.checks import FloatArray, shown
-from p3dof._base.errors import InputError
-from p3dof.analysis.tolerances import MachineCalibration
-from p3dof.loops import Calibration
-from p3dof.loops.identification.excitation import Excitation
-from p3dof.loops.identification.forces import IdentifiableForces
-
-if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
+    from p3dof.analysis.tolerances import MachineCalibration
+    from p3dof.loops import Calibration
+    from p3dof.loops.identification.excitation import Excitation
+    from p3dof.loops.identification.forces import IdentifiableForces
 
 _DESIGN, _FOUND = "0.6", COLOURS[0]
 _MOST = 3000  # points of a panel
@@ -145,14 +140,17 @@ def calibration_figure(
     InputError, MissingExtraError
         If it is something else; if matplotlib is not installed.
     """
-    if isinstance(calibration, MachineCalibration):
-        names: tuple[str, ...] = ("y", "z", "θ")
-        before, after = calibration.before, calibration.after
-    elif isinstance(calibration, Calibration):
+    from p3dof.loops import Calibration
+
+    if isinstance(calibration, Calibration):
         names = calibration.measured[0].components
         before, after = calibration.before[0], calibration.after[0]
     else:
-        raise InputError(f"calibration: expected a Calibration, got {shown(calibration)}")
+        from p3dof.analysis.tolerances import MachineCalibration  # not for any robot
+
+        if not isinstance(calibration, MachineCalibration):
+            raise InputError(f"calibration: expected a Calibration, got {shown(calibration)}")
+        names, before, after = ("y", "z", "θ"), calibration.before, calibration.after
     bars = 0.6 + 0.16 * min(len(calibration.names), MOST_BARS)  # height of their panel [inches]
     figure = new_figure((9.0, 1.5 * len(names) + 1.0 + bars))
     *panels, last = figure.subplots(len(names) + 1, 1, height_ratios=(*[1.2] * len(names), bars))

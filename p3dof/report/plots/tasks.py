@@ -9,6 +9,8 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
+from p3dof._base.tables import percent
+from p3dof.design.assessment import Assessment
 from p3dof.design.balance import BestBalance
 from p3dof.design.drives import Cycle, Sizing
 from p3dof.design.forces_of_tasks import TaskForces
@@ -19,10 +21,7 @@ from p3dof.report.plots.common import COLOURS, new_figure, tidy
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-from typing import TYPE_CHECKING
 
-from p3dof._base.tables import percent
-from p3dof.design.assessment import Assessment
 
 _CARRYING, _MOST_NAMES = "#e8d9a8", 12
 _TICKS = 25  # marks of the platform's rotation along the path
