@@ -139,6 +139,17 @@ def test_derivatives_of_a_periodic_motion_are_those_of_the_motion(five_bar, log,
     assert found.spread == pytest.approx(np.full(2, NOISE), rel=0.15)
 
 
+def test_the_clock_of_a_log_may_begin_anywhere(five_bar, log):
+    """Far from zero, and no multiple of the period away: states and delay are the same."""
+    forces, _ = five_bar
+    here, later = (prepare_log(forces, one) for one in (log, changed(log, time=log.time + 500.321)))
+    assert (here.periods, later.periods) == (2, 2)
+    for name in ("positions", "velocities", "accelerations"):
+        one, other = getattr(here.states, name), getattr(later.states, name)
+        np.testing.assert_allclose(other, one, rtol=0, atol=1e-6 * np.abs(one).max())
+    assert later.delay == pytest.approx(here.delay, abs=1e-6)
+
+
 def test_without_noise_the_model_of_the_truth_is_met_to_rounding(five_bar):
     forces, truth = five_bar
     truth = np.where([name.endswith("friction") for name in forces.names], 0.0, truth)

@@ -424,7 +424,7 @@ def resolution(values: FloatArray) -> float:
 def _fourier(
     time: FloatArray, positions: FloatArray, known: NDArray[np.bool_], T: float, step: float
 ) -> Motion:
-    """ForcesFit Fourier series to the columns of positions."""
+    """Fit Fourier series to the columns of positions."""
     most = int(min(_HARMONICS, T / step / 4, len(time) / 8))
     coefficients, residual = np.zeros((2 * most + 1, positions.shape[1])), np.zeros(positions.shape[1])
     harmonics = 1
@@ -612,7 +612,7 @@ def _differences(values: FloatArray) -> float:
 
 
 def _splines(log: MotorLog, good: Usable, piece: slice, way: Literal["auto"] | float) -> Motion:
-    """ForcesFit smoothing splines to positions between gaps."""
+    """Fit smoothing splines to positions between gaps."""
     time, each, residual, bands = log.time[piece], [], [], []
     for j, column in enumerate(log.positions[piece].T):
         keep = good.positions[piece, j]
