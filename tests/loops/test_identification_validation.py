@@ -12,7 +12,8 @@ from table_numbers import check_evidence, check_table, shows
 
 import p3dof
 from p3dof.analysis.identification import MachineForces
-from p3dof.loops.identification.forces import LoopForces
+from p3dof.loops.identification.data import ForcesFit
+from p3dof.loops.identification.forces import LoopForces, Rows
 from p3dof.loops.identification.validation import (
     combinations_table,
     identify,
@@ -234,3 +235,21 @@ def test_parameters_stand_with_their_deviations(five_bar, found):
     )  # fmt: skip
     check_table(combinations_table(identified), [(words, x, s) for words, x, s in estimate.combinations])
     assert len(estimate.combinations) > 8
+
+
+def test_what_the_prior_expects_is_what_draws_from_it_show():
+    """Of a thousand robots drawn from the prior, squares of the factor are one on average, p values even."""
+    rng, prior, noise = np.random.default_rng(0), np.array([1.0, 0.5, 2.0, 3.0]), np.array([0.1, 0.2])
+    columns, design = rng.normal(size=(30, 2, 4)), rng.normal(size=4)
+    fit = ForcesFit(Rows(columns, np.ones((30, 2))), design, prior, noise, np.zeros(2))
+    found = []
+    for _ in range(1000):
+        forces = columns @ (design + prior * rng.normal(size=4)) + 1.0 + noise * rng.normal(size=(30, 2))
+        found.append(fit.against_prior(forces, 4.0))
+    factors, shares = np.array(found).T
+    assert np.mean(factors**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 4 / 1000))  # of four combinations
+    assert np.mean(shares < 0.5) == pytest.approx(0.5, abs=4 * np.sqrt(0.25 / 1000))
+    doubled = fit.against_prior(columns @ (design + 10 * prior) + 1.0, 4.0)
+    assert doubled[0] == pytest.approx(10.0, rel=0.01)
+    assert doubled[1] < 1e-12
+    assert np.isnan(fit.against_prior(forces, np.inf)).all()
