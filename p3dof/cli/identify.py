@@ -67,7 +67,7 @@ def excite(
 
 
 @app.command()
-@click.argument("data", type=InputFile())
+@click.argument("data", type=InputFile(), metavar="DATA")
 @PARAMETERS
 @asked_options
 @click.option(

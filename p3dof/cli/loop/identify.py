@@ -288,7 +288,7 @@ def _with_data(command: Callable[..., Any]) -> Callable[..., Any]:
 @loop.command("identify")
 @_with_data
 @with_robot
-@click.argument("data", type=InputFile(), required=False)
+@click.argument("data", type=InputFile(), required=False, metavar="[DATA]")
 @asked_options
 @click.option(
     "--out",
