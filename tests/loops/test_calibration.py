@@ -16,6 +16,7 @@ from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import Measurements, calibrate, plan_measurements
 from p3dof.loops.identification.calibration import MeasuredRobot
 from p3dof.loops.identification.fitting import (
+    DisplacedRobot,
     chosen_poses,
     combinations_of,
     displacements,
@@ -478,3 +479,11 @@ def test_combinations_are_told_in_words():
     found = combinations_of(rows, ("a", "b", "c"))
     assert (found.rank, found.unseen) == (2, ("a + b",))
     assert_allclose(found.null_space, [[1, 1, 0]], atol=1e-14)
+
+
+def test_rods_that_are_not_calibrated_keep_their_length(delta):
+    first, *others = delta.sidecar.closures
+    assert first.length is not None
+    found = DisplacedRobot(delta, [f"{first.name}.length"], ()).corrected(np.array([1e-3])).sidecar.closures
+    assert found[0].length == pytest.approx(first.length + 1e-3, rel=1e-15)
+    assert list(found[1:]) == others
