@@ -263,7 +263,7 @@ TESTS = {
     "p3dof/loops/identification/excitation.py": ("excitation",),
     "p3dof/loops/identification/search.py": ("excitation",),
     "p3dof/report/plots/identification.py": ("excite", "cli_calibrate", "identification_validation"),
-    "p3dof/loops/identification/data.py": ("identification_data",),
+    "p3dof/loops/identification/data.py": ("identification_data", "identification_validation"),
     "p3dof/loops/identification/logs.py": ("identification_data",),
     "p3dof/loops/identification/validation.py": ("identification_data", "identification_validation"),
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
