@@ -487,3 +487,14 @@ def test_rods_that_are_not_calibrated_keep_their_length(delta):
     found = DisplacedRobot(delta, [f"{first.name}.length"], ()).corrected(np.array([1e-3])).sidecar.closures
     assert found[0].length == pytest.approx(first.length + 1e-3, rel=1e-15)
     assert list(found[1:]) == others
+
+
+def test_parameters_that_are_told_in_combination_only_have_no_deviation_of_their_own():
+    """Two columns that are the same, without tolerances: their sum is told, a third parameter by itself."""
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 12, 1))
+    rows = np.stack([one, one, other], axis=-1)
+    found = chosen_poses(rows, np.full(3, np.inf), 6)
+    assert np.isinf(found.deviations).tolist() == [True, True, False]
+    chosen = np.column_stack([one[found.poses, 0], other[found.poses, 0]])
+    assert found.deviations[2] == pytest.approx(np.sqrt(np.linalg.inv(chosen.T @ chosen)[1, 1]), rel=1e-10)
