@@ -289,6 +289,16 @@ def slide():
     return p3dof.load_robot(SLIDE, ())
 
 
+def test_a_step_is_taken_however_little_the_sum_falls():
+    """A design a millionth of a deviation from the best: what is left is 1e12 times what a step can gain."""
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(40, 3))
+    best, noise = np.array([1e-6, -2e-6, 5e-7]), rng.normal(size=40)
+    noise -= A @ np.linalg.lstsq(A, noise, rcond=None)[0]
+    found = fit(lambda p: (A @ (p - best) + noise, A), np.ones(40), np.full(3, np.inf))
+    assert_allclose(found.parameters, best, rtol=1e-8)
+
+
 @shows("p3dof.loops.identification.fitting.Fit.residuals")
 def test_the_fit_is_the_posterior_of_normal_distributions():
     """Linear numbers, by the formulas of the text book with plain inverses."""
