@@ -17,11 +17,13 @@ from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, sour
 from p3dof.cli.kinds import DURATION, FIGURE, Amount, Number, Whole, as_one
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain, print_written, progress_bar, show
-from p3dof.design.best_paths import BestPath, best_path, best_path_table
 from p3dof.design.fastest import (
     MOST_NODES,
     NODES,
     SMOOTH_NODES,
+    BestPath,
+    best_path,
+    best_path_table,
     fastest_plan,
     limits_of,
     sizing_table,

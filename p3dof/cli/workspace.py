@@ -17,7 +17,7 @@ from p3dof._base.files import together, write_table
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, SPEED, Quantity
 from p3dof._base.tables import Table, table_of
 from p3dof.analysis.indices import COLUMNS, DEFINITIONS, check_names, columns_of, indices_table, write_dataset
-from p3dof.analysis.indices.results import DRIVE
+from p3dof.analysis.indices.definitions import DRIVE
 from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.analysis.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
 from p3dof.cli.app import app

@@ -5,7 +5,6 @@ from . import (
     assessment,
     balance,
     bearings,
-    best_paths,
     design_comparison,
     drives,
     fastest,
@@ -20,7 +19,7 @@ from . import (
 from .tasks import AxisLimits, FastestPlan, LimitUse, Plan
 from .assessment import Assessment, RatingUse
 from .balance import BestBalance, best_balance
-from .best_paths import BestPath, best_path
+from .fastest import BestPath, best_path
 from .design_comparison import DesignComparison, DesignMeasure
 from .forces_of_tasks import TaskForces, forces_of_task, reactions_of_task
 from .fastest import fastest_plan
@@ -46,7 +45,6 @@ __all__ = [
     "bearings",
     "best_balance",
     "best_path",
-    "best_paths",
     "design_comparison",
     "drives",
     "fastest",

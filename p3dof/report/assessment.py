@@ -14,8 +14,15 @@ from p3dof._base.checks import require, shown
 from p3dof._base.errors import InputError
 from p3dof._base.tables import number, percent
 from p3dof.analysis.reactions import how_chosen, names_table, reactions_table
-from p3dof.design.assessment import Assessment, as_result, short
-from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.assessment import (
+    Assessment,
+    as_result,
+    assumptions,
+    loads_table,
+    needs_table,
+    short,
+    uses_table,
+)
 from p3dof.design.bearings import bearings_table, guides_table, rods_table
 from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
 from p3dof.design.drives import axes_table, ranking_table, ratings_table

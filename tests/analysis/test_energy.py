@@ -220,9 +220,9 @@ def test_drive_loads(paper):
 
 
 @shows(
-    "p3dof.analysis.energy.results.drives_table",
-    "p3dof.analysis.energy.results.bodies_table",
-    "p3dof.analysis.energy.results.balance_table",
+    "p3dof.analysis.energy.evaluation.drives_table",
+    "p3dof.analysis.energy.evaluation.bodies_table",
+    "p3dof.analysis.energy.evaluation.balance_table",
 )
 def test_every_number_of_the_tables_of_energy():
     """From Lagrange's energies and forces, with rotors, and a force too much of A that the balance shows."""

@@ -393,7 +393,7 @@ def test_every_index_has_its_definition_and_shape():
     assert len(found) == 2
 
 
-@shows("p3dof.analysis.indices.results.indices_table")
+@shows("p3dof.analysis.indices.definitions.indices_table")
 def test_the_table_has_indices_at_few_poses_and_their_range_over_more():
     geometry = ROBOT.parameters.geometry
     poses = np.array([[0.1, 0.05, -0.5], [0, 0, 0.5], [0.05, 0, 0.2], [-0.1, 0, 0], [0.12, 0, 0.3],

@@ -25,7 +25,7 @@ from p3dof.analysis.load_friction import (
 )
 from p3dof.analysis.reactions import JOINTS, Stiffness, of_result
 from p3dof.cli import main
-from p3dof.design.assessment_tables import assumptions
+from p3dof.design.assessment import assumptions
 from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life
 from p3dof.design.drives import GENERIC
 from p3dof.machine.motion import Motion, paper_motion, states_over
@@ -290,8 +290,8 @@ def test_every_contact_loses_the_work_of_all_its_axes(robot):
 
 
 @shows(
-    "p3dof.analysis.load_friction.results.additions_table",
-    "p3dof.analysis.load_friction.results.contacts_table",
+    "p3dof.analysis.load_friction.fixed_point.additions_table",
+    "p3dof.analysis.load_friction.fixed_point.contacts_table",
 )
 def test_every_number_of_the_tables_of_friction_by_load(robot):
     papers, rows = paper_motion(41), [0, 5, 6, 14, 21, 33, 40]

@@ -18,7 +18,7 @@ import p3dof
 from p3dof import report
 from p3dof._base.errors import DriveError, InputError, SampleError
 from p3dof.cli import main
-from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.assessment import assumptions, loads_table, needs_table, uses_table
 from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life
 from p3dof.design.drives import Catalogue, Motor, Screw, cycle_of, size_of
 from p3dof.design.forces_of_tasks import joined, without_jumps

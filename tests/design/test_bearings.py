@@ -261,9 +261,9 @@ def rates_by_hand(machine, motion):
 
 
 @shows(
-    "p3dof.design.bearings.results.bearings_table",
-    "p3dof.design.bearings.results.guides_table",
-    "p3dof.design.bearings.results.rods_table",
+    "p3dof.design.bearings.evaluation.bearings_table",
+    "p3dof.design.bearings.evaluation.guides_table",
+    "p3dof.design.bearings.evaluation.rods_table",
 )
 def test_every_number_of_the_tables_of_bearings(robot):
     """ISO 281, 76 and 14728-1 and hinged beams, trapezoid by trapezoid, of unlike parts and uneven times."""

@@ -14,7 +14,7 @@ import p3dof
 from p3dof import Waypoint
 from p3dof._base.errors import TaskError
 from p3dof.design import AxisLimits, best_path, fastest_plan
-from p3dof.design.best_paths import BestPath, _counted, best_path_table
+from p3dof.design.fastest import BestPath, _counted, best_path_table
 from p3dof.design.tasks.files import dump, parse
 
 VIAS = """
@@ -57,7 +57,7 @@ def test_what_may_not_be_left_is_not_left(found):
     assert "-160 to -140" in text
 
 
-@shows("p3dof.design.best_paths.best_path_table")
+@shows("p3dof.design.fastest.best_path_table")
 def test_every_number_of_the_table_of_the_best_path():
     """Of what was given, of what is said to be best, and how far from the given one it may be."""
     angle, poses = np.radians(10), ([-0.15, 0.045, -0.1], [0.05, 0.03, 0.2])

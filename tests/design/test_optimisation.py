@@ -16,8 +16,7 @@ from p3dof._base.checks import FloatArray
 from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.design import DesignProblem
 from p3dof.design.optimisation import MEASURES, Box, FunctionMeasure, relation
-from p3dof.design.optimisation.measure import Pieces
-from p3dof.design.optimisation.population import Population
+from p3dof.design.optimisation.population import Pieces, Population
 
 BY_DIFFERENCES = ("fastest_time", "rod_buckling_share", "rod_stress")
 NEAR = [[0.11, 0.27, 0.41, 0.008], [0.09, 0.22, 0.36, 0.006], PAPER_DESIGN]

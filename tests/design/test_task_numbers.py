@@ -12,7 +12,7 @@ from table_numbers import check_evidence, check_table, shows
 import p3dof
 from p3dof import Task, Waypoint
 from p3dof.design import AxisLimits
-from p3dof.design.assessment_tables import assumptions, loads_table, needs_table, uses_table
+from p3dof.design.assessment import assumptions, loads_table, needs_table, uses_table
 from p3dof.design.bearings import Bearing, Bearings, Guide
 from p3dof.design.design_comparison import comparison_table, verdicts_table
 from p3dof.design.drives import Cycle
@@ -252,7 +252,7 @@ def rms(samples, values, resting):
 
 
 @pytest.mark.parametrize("drive", [None, GEARED])
-@shows("p3dof.design.assessment_tables.loads_table")
+@shows("p3dof.design.assessment.loads_table")
 def test_what_each_slider_bears_and_does(robot, forces, samples, drive):
     power = samples.nut * samples.speed
     rows = {
@@ -282,7 +282,7 @@ def test_what_each_slider_bears_and_does(robot, forces, samples, drive):
     check_table(loads_table(assessed(robot, forces, drive)), rows, note=note)
 
 
-@shows("p3dof.design.assessment_tables.needs_table")
+@shows("p3dof.design.assessment.needs_table")
 def test_what_motors_must_give_behind_screws(robot, forces, samples):
     peaks, means = np.abs(samples.nut).max(axis=0), rms(samples, samples.nut, samples.nut[-1])
     rows = {}
@@ -341,7 +341,7 @@ def static_loads(samples, reactions):
         yield name, part, kind, load[k], allowed, "N", times[k] if load[k] else math.nan, place
 
 
-@shows("p3dof.design.assessment_tables.uses_table")
+@shows("p3dof.design.assessment.uses_table")
 def test_how_much_of_all_ratings_is_used(robot, forces, samples):
     found = assessed(robot, forces, GEARED, PARTS, LIMITS)
     rows = [

@@ -9,6 +9,11 @@ change of T + V is evidence for the forces.
 """
 
 from p3dof.analysis.energy.evaluation import (
+    DriveLoads,
+    Energy,
+    balance_table,
+    bodies_table,
+    drives_table,
     energy_of,
     imbalance,
     kinetic_energy,
@@ -16,7 +21,6 @@ from p3dof.analysis.energy.evaluation import (
     potential_energy,
     work_given,
 )
-from p3dof.analysis.energy.results import DriveLoads, Energy, balance_table, bodies_table, drives_table
 
 __all__ = [
     "DriveLoads",

@@ -16,8 +16,13 @@ in the other.
 """
 
 from p3dof.analysis.load_friction.contacts import HingeContact, LoadFriction, SlideContact, read_load_friction
-from p3dof.analysis.load_friction.fixed_point import over_motion
-from p3dof.analysis.load_friction.results import APPLIES, LoadFrictionEffect, additions_table, contacts_table
+from p3dof.analysis.load_friction.fixed_point import (
+    APPLIES,
+    LoadFrictionEffect,
+    additions_table,
+    contacts_table,
+    over_motion,
+)
 from p3dof.methods import CoulombLimits
 
 __all__ = [

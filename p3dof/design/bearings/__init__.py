@@ -4,12 +4,12 @@ The loads are those of `p3dof.analysis.reactions`, of elastic joints where rigid
 """
 
 from p3dof.design.bearings.catalogue import Bearing, Bearings, Guide, read_bearings
-from p3dof.design.bearings.evaluation import bearing_life
-from p3dof.design.bearings.results import (
+from p3dof.design.bearings.evaluation import (
     BearingLife,
     BearingReport,
     GuideLife,
     RodCheck,
+    bearing_life,
     bearings_table,
     guides_table,
     rods_table,

@@ -13,11 +13,10 @@ from p3dof.design.optimisation.constraints import Constraint, relation
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
 from p3dof.design.optimisation.feasibility import Conflict
-from p3dof.design.optimisation.measure import FunctionMeasure, Measure, Pieces
 from p3dof.design.optimisation.measures import MEASURES
 from p3dof.design.optimisation.optimum import Check, Optimum
 from p3dof.design.optimisation.pareto import Front, front_tables, optimum_tables
-from p3dof.design.optimisation.population import Box
+from p3dof.design.optimisation.population import Box, FunctionMeasure, Measure, Pieces
 from p3dof.design.optimisation.problem import DesignProblem, ProblemSweep, read_problem
 from p3dof.design.optimisation.robust import Robust
 from p3dof.design.optimisation.statement import Statement

@@ -13,9 +13,8 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array, real, shown
 from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
-from p3dof.design.optimisation.measure import Better, Measure, Pieces
 from p3dof.design.optimisation.measures import measure_of
-from p3dof.design.optimisation.population import Population
+from p3dof.design.optimisation.population import Better, Measure, Pieces, Population
 
 _SIDES = {ast.GtE: 1.0, ast.LtE: -1.0, ast.Gt: 1.0, ast.Lt: -1.0}
 _LONGEST = 200

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable
-from p3dof.design.optimisation.measure import Pieces
-from p3dof.design.optimisation.population import Population
+from p3dof.design.optimisation.population import Pieces, Population
 from p3dof.design.optimisation.statement import Statement
 
 _NEAR = 0.25  # pieces that are so near to the worst, as a share of its size, take part from the beginning

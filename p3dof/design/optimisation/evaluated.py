@@ -14,7 +14,7 @@ from p3dof._base.errors import InputError, MissingExtraError, P3dofError
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.optimisation.constraints import Constraint, amount
-from p3dof.design.optimisation.measure import Measure
+from p3dof.design.optimisation.population import Measure
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,7 @@ from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.optimisation.constraints import Constraint, Linear, amount
 from p3dof.design.optimisation.epigraph import Local, descend
 from p3dof.design.optimisation.evaluated import Variables
-from p3dof.design.optimisation.measure import Better, Pieces
-from p3dof.design.optimisation.population import Population
+from p3dof.design.optimisation.population import Better, Pieces, Population
 from p3dof.design.optimisation.statement import Statement
 
 _POINTS, _FEW = 1024, 32  # designs to choose from; few where a measure takes long

@@ -30,10 +30,18 @@ from p3dof.analysis.workspace.closed_forms import Sizes, drops, extents
 from p3dof.analysis.workspace.margins import box_margins
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import MODEL
-from p3dof.design.bearings.evaluation import rod_check
-from p3dof.design.bearings.results import RodCheck
-from p3dof.design.optimisation.measure import ClosedForm, Measure, OfDesigns, Pieces
-from p3dof.design.optimisation.population import STEP, Box, Numbers, Population, Setting
+from p3dof.design.bearings.evaluation import RodCheck, rod_check
+from p3dof.design.optimisation.population import (
+    STEP,
+    Box,
+    ClosedForm,
+    Measure,
+    Numbers,
+    OfDesigns,
+    Pieces,
+    Population,
+    Setting,
+)
 from p3dof.design.tasks.fastest import fastest_law
 from p3dof.design.tasks.limits import AxisLimits, Demand
 from p3dof.loops import ClosedLoopModel

@@ -46,7 +46,6 @@ from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
 from p3dof.analysis.designs.files import listed, machine_of, mapping, motion_of, named, number_of, wrench_of
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
 from p3dof.design.optimisation.evolution import GENERATIONS, Journal
-from p3dof.design.optimisation.measure import Measure
 from p3dof.design.optimisation.minimising import (
     STARTS,
     Optimiser,
@@ -58,7 +57,7 @@ from p3dof.design.optimisation.minimising import (
 from p3dof.design.optimisation.optimum import Optimum
 from p3dof.design.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
 from p3dof.design.optimisation.pareto import POINTS, POPULATION, Front, FrontMethod, front_of, require_front
-from p3dof.design.optimisation.population import GRID, Box
+from p3dof.design.optimisation.population import GRID, Box, Measure
 from p3dof.design.optimisation.robust import Robust
 from p3dof.design.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS, Statement
 

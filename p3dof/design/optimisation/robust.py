@@ -21,9 +21,8 @@ from p3dof._base.errors import InputError
 from p3dof.analysis.designs.columns import QUANTITIES, SIZES, full_name, numbers_of
 from p3dof.analysis.designs.figures import FigureGroup
 from p3dof.analysis.tolerances.directions import amount_of, direction_of
-from p3dof.design.optimisation.measure import Better, Pieces, worst_gradient
 from p3dof.design.optimisation.measures import measure_of
-from p3dof.design.optimisation.population import Population, Setting
+from p3dof.design.optimisation.population import Better, Pieces, Population, Setting, worst_gradient
 
 RobustKind: TypeAlias = Literal["spread", "worst"]
 """Mean and `k` standard deviations, or the worst of all corners that are `k` standard deviations off."""

@@ -22,9 +22,15 @@ from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
 from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, quantity_in_si
-from p3dof.design.optimisation.measure import FunctionMeasure, Measure, worst_gradient
 from p3dof.design.optimisation.measures import measure_of
-from p3dof.design.optimisation.population import Box, Population, Setting
+from p3dof.design.optimisation.population import (
+    Box,
+    FunctionMeasure,
+    Measure,
+    Population,
+    Setting,
+    worst_gradient,
+)
 from p3dof.design.optimisation.robust import Robust
 from p3dof.machine.motion import Motion, paper_motion
 from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters

@@ -20,7 +20,7 @@ from p3dof._base.errors import InputError
 from p3dof._base.files import check_writable, write_atomic
 from p3dof.analysis.designs.columns import by_header
 from p3dof.analysis.indices import COLUMNS, DEFINITIONS, Indices
-from p3dof.analysis.indices.results import IndicesMachine as WithIndices
+from p3dof.analysis.indices.definitions import IndicesMachine as WithIndices
 from p3dof.analysis.workspace.margins import WorkspaceMachine as WithWorkspace
 from p3dof.analysis.workspace.workspace import Workspace
 from p3dof.machine.motion import Motion
