@@ -19,7 +19,9 @@ GEARED = Drive(
     "geared",
 )  # fmt: skip
 BELTED = Drive(
-    Motor(2.0, 6.0, 300.0, 3e-4, 200.0, brake_torque=4.0), Belt(0.05, 0.9, 0.8, 5e-4, 0.1), name="belted"
+    Motor(2.0, 6.0, 300.0, 3e-4, 200.0, brake_torque=4.0, max_inertia_ratio=25.0),
+    Belt(0.05, 0.9, 0.8, 5e-4, 0.1),
+    name="belted",
 )
 PLAIN = Drive(
     Motor(1.0, 3.0, 400.0, 9e-5, time_constant=20.0),
@@ -34,6 +36,13 @@ WHIRL = {"geared": (15.418206, 0.7, 0.011, 2.045748), "plain": (3.516015, 0.9, 0
 
 def trapezoids(time, values):
     return sum((b - a) * (u + v) / 2 for a, b, u, v in zip(time, time[1:], values, values[1:], strict=False))
+
+
+RATIOS = {"geared": 30.0, "belted": 25.0, "plain": 10.0}  # that the control takes; 10 by default
+MARGINS = {"heating": 0.36} | dict.fromkeys(
+    ("peak torque", "rms torque", "speed", "power", "regeneration", "gear torque", "gear speed"), 0.2
+)
+"""What must stay free by default."""
 
 
 class Axis:
@@ -118,22 +127,28 @@ class Axis:
             "rms torque [N m]": (
                 self.mean(self.torque, self.holding) ** 0.5, self.allowed(motor, rms_speed, False), math.nan
             ),
-            "speed [rpm]": (top / RPM, min(motor.max_speed, gear.max_speed) / RPM, at),
+            "speed [rpm]": (top / RPM, motor.max_speed / RPM, at),
         }  # fmt: skip
+        turns = top / gear.ratio / RPM
         if self.name in WHIRL:
             squared, length, diameter, factor = WHIRL[self.name]
             whirl = 0.8 * squared / length**2 * math.sqrt(2.1e11 / 7850) * diameter / 4
-            found["screw speed [rpm]"] = (top / gear.ratio / RPM, min(slow.max_speed, whirl) / RPM, at)
+            found["critical speed [rpm]"] = (turns, whirl / RPM, at)
             euler = math.pi**2 * 2.1e11 * math.pi * diameter**4 / 64 * factor / length**2
             hardest, then = self.at_most(self.f)
             found["buckling [N]"] = (hardest, euler / 2, then)
+        if self.name == "plain":
+            found["nut speed [rpm]"] = (turns, 5000.0, at)
+            found["DN [mm rpm]"] = (1.25 * 12 * turns, 70000.0, at)
         if self.name == "geared":
+            found["nut speed [rpm]"] = (turns, slow.max_speed / RPM, at)
+            found["gear speed [rpm]"] = (top / RPM, gear.max_speed / RPM, at)
             found["power [W]"] = (max(self.power), 240.0, self.time[self.power.index(max(self.power))])
             least = min(self.power)
             found["regeneration [W]"] = (-least, 30.0, self.time[self.power.index(least)])
             hardest, then = self.at_most(self.screw)
             found["gear torque [N m]"] = (hardest, 1.1, then)
-            found["inertia ratio"] = (self.ratios[1], 30.0, math.nan)
+        found["inertia ratio"] = (self.ratios[1], RATIOS[self.name], math.nan)
         if motor.brake_torque:
             found["brake [N m]"] = (brake, motor.brake_torque, when)
         if motor.time_constant:
@@ -142,9 +157,11 @@ class Axis:
         return found
 
     def worst(self):
+        """Of those that fit least: the largest share, and of what."""
         return max(
-            (value / allowed, name.split(" [")[0]) for name, (value, allowed, _) in self.ratings.items()
-        )
+            (share > 1, share > 1 - MARGINS.get(name, 0), share, name)
+            for name, share in ((n.split(" [")[0], v / a) for n, (v, a, _) in self.ratings.items())
+        )[2:]
 
     def column(self):
         """What `axes_table` tells, in its order."""

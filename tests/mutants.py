@@ -297,7 +297,7 @@ TESTS = {
     "p3dof/design/tasks/": ("tasks", "fastest", "fastest_jerk"),
     "p3dof/design/tasks/f": ("fastest", "tasks", "fastest_jerk"),
     "p3dof/design/tasks/laws.py": ("fastest_jerk", "fastest", "tasks"),
-    "p3dof/design/drives/": ("drive_numbers", "winding", "drives"),
+    "p3dof/design/drives/": ("margins", "drive_numbers", "winding", "drives"),
     "p3dof/design/bearings/": ("bearings",),
     "p3dof/manipulator.py": ("comparison", "manipulator", "gate"),
     "p3dof/methods/comparison": ("comparison", "manipulator", "gate"),

@@ -21,6 +21,7 @@ from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_tab
 from p3dof.design.drives import (
     GENERIC,
     axes_table,
+    caveats,
     cycle_of,
     not_checked,
     ranking_table,
@@ -97,7 +98,9 @@ def size(
     best = ranked[0]
     nearest = "" if best.fits else "comes nearest, but "
     told = verdict(best, lambda time: found.piece_at(time).name)
-    print_plain(console, f"{best.drives[0].name} {nearest}{told}")
+    print_plain(console, f"{best.name} {nearest}{told}")
+    for words in caveats(best):
+        print_plain(console, words)
     print_plain(console, f"not checked: {'; '.join((*not_checked(best), *frictionless(robot, found)))}")
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,18 @@ from p3dof._base.tables import (
 )
 from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
 from p3dof.design.bearings import BearingReport, Bearings, bearing_life
-from p3dof.design.drives import Cycle, Drive, Sizing, cycle_of, not_checked
+from p3dof.design.drives import (
+    VERDICTS,
+    Ambient,
+    Cycle,
+    Drive,
+    Margins,
+    Sizing,
+    caveats,
+    cycle_of,
+    not_checked,
+)
+from p3dof.design.drives.margins import verdict_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, WHIRL
 from p3dof.design.fastest import unseen_limits, uses_of_task
 from p3dof.design.forces_of_tasks import TaskForces, joined, reactions_under
@@ -37,6 +48,7 @@ from p3dof.methods.utilisation import Utilisation, utilisations
 
 _TOLD = 4  # exceeded ratings that are told in words; the tables have all
 _WHOLE = "over the cycle"
+_SOME = 0.005  # least reserve that is told as a number
 _FITS = 1 + 1e-9  # shares up to this one are within a limit: the fastest motion uses all of it
 
 
@@ -60,6 +72,10 @@ class RatingUse:
         When most of it is used [s]; NaN for what belongs to the whole cycle.
     place : str
         The piece of the way, from waypoint to waypoint; empty for a motion without waypoints.
+    margin : float
+        Share of `allowed` that must stay free.
+    assumed : str
+        Which default stands for a number that nobody gave, in words.
     """
 
     kind: str
@@ -70,10 +86,17 @@ class RatingUse:
     unit: str
     time: float
     place: str
+    margin: float = 0.0
+    assumed: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """One of `p3dof.design.drives.VERDICTS`."""
+        return VERDICTS[verdict_of(self.share, self.margin, _FITS - 1)]
 
     @property
     def share(self) -> float:
-        """Required by allowed: 1 at the limit."""
+        """Required by allowed: 1 at the rating."""
         if self.allowed != 0:
             return self.required / self.allowed
         return math.inf if self.required > 0 else 0.0
@@ -125,6 +148,8 @@ class Assessment(ShownInNotebook):
         What the reactions rest on; None for guesses.
     limits : AxisLimits or None
         What the task allows, besides the limits of the machine.
+    ambient : Ambient
+        Where its motors work.
     """
 
     name: str
@@ -136,6 +161,7 @@ class Assessment(ShownInNotebook):
     bearings: BearingReport | None = None
     stiffness: Stiffness | None = None
     limits: AxisLimits | None = None
+    ambient: Ambient = field(default_factory=Ambient)
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"
@@ -163,44 +189,59 @@ class Assessment(ShownInNotebook):
 
     @cached_property
     def ratings(self) -> tuple[RatingUse, ...]:
-        """All ratings that are known, those that are used most first."""
+        """All ratings that are known: those that are exceeded, then those that are used most first."""
         found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
-        return tuple(sorted(found, key=lambda one: -one.share))
+        return tuple(sorted(found, key=lambda one: (-VERDICTS.index(one.verdict), -one.share)))
 
     @property
     def worst(self) -> RatingUse:
-        """The rating that is used most."""
+        """The rating that is exceeded most, or else is used most."""
         return self.ratings[0]
 
     @property
     def fits(self) -> bool:
-        """Whether no rating is exceeded."""
-        return all(one.share <= _FITS for one in self.ratings)
+        """Whether all ratings keep their margins."""
+        return self.worst.verdict == VERDICTS[0]
 
     @property
     def verdict(self) -> str:
-        """Whether it fits, which rating is worst, when and by how much, in one sentence."""
-        return f"{'fits' if self.fits else 'does not fit'}: {self.reason}"
+        """Whether it fits, with which reserve, and which rating is the worst, when, in one sentence."""
+        return f"{self.answer}{'; the least is ' if self.fits else ': '}{self.reason}"
+
+    @property
+    def answer(self) -> str:
+        """Whether it fits, and with which reserve: one of `p3dof.design.drives.VERDICTS`, with a number."""
+        told, left = self.worst.verdict, 1 - self.worst.share
+        if not self.fits:
+            return told
+        return f"{told} with {left:.0%} reserve" if left >= _SOME else f"{told}, just"
 
     @property
     def reason(self) -> str:
         """Which rating is worst, when and by how much."""
         one = self.worst
         words = f"{one.name} of {one.part}"
+        if self.fits:
+            return f"{words}, {one.amounts} {one.when}"
         if one.share == math.inf:
             much = f"takes {one.amounts}"
         else:
             much = f"has a utilisation of {percent(one.share, 0)}, {one.amounts}"
-        left = f"; {1 - one.share:.0%} reserve" if self.fits else _beyond(one.share)
-        return f"{words} {much} {one.when}{left}"
+        keeps = f"; {1 - one.margin:.0%} keep the margin"
+        return f"{words} {much} {one.when}{keeps if one.verdict == VERDICTS[1] else _beyond(one.share)}"
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What to know before the numbers are used, the most important first."""
-        above = [one for one in self.ratings if one.share > _FITS]
+        above = [one for one in self.ratings if one.verdict == VERDICTS[2]]
         told = [f"{one.name} of {one.part}: {one.amounts}, {one.when}" for one in above[:_TOLD]]
         if len(above) > _TOLD:
             told.append(f"{len(above) - _TOLD} more ratings are exceeded")
+        scarce = [one for one in self.ratings if one.verdict == VERDICTS[1]]
+        if scarce:
+            words = ", ".join(f"{one.name} of {one.part} {percent(one.share, 0)}" for one in scarce[:_TOLD])
+            more = f" and {len(scarce) - _TOLD} more" if len(scarce) > _TOLD else ""
+            told.append(f"without reserve: {words}{more}")
         if isinstance(self.found, TaskForces):
             first, last = self.found.plan.motion.pose[[0, -1]]
             if np.abs(first - last).max() > 1e-12:
@@ -211,7 +252,7 @@ class Assessment(ShownInNotebook):
             unseen = unseen_limits(self.limits)
             told += [unseen] if unseen else []
         if self.drives is not None:
-            told += _of_brakes(self.drives)
+            told += [*caveats(self.drives), *_of_brakes(self.drives), *self.ambient.warnings]
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
 
     @cached_property
@@ -277,7 +318,16 @@ class Assessment(ShownInNotebook):
             return []
         return [
             RatingUse(
-                "drive", one.name, leg, one.required, one.allowed, one.unit, one.time, self.place(one.time)
+                "drive",
+                one.name,
+                leg,
+                one.required,
+                one.allowed,
+                one.unit,
+                one.time,
+                self.place(one.time),
+                one.margin,
+                one.assumed,
             )
             for leg, axis in zip(LEGS, self.drives.axes, strict=True)
             for one in axis.ratings
@@ -321,6 +371,8 @@ def assess(
     limits: AxisLimits | None = None,
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
+    margins: Margins | None = None,
+    ambient: Ambient | None = None,
     name: str = "",
     progress: Progress | None = None,
 ) -> Assessment:
@@ -345,6 +397,8 @@ def assess(
         How long the machine rests after each cycle [s].
     brake_safety : float
         How much more a brake must hold than what it bears.
+    margins, ambient : Margins and Ambient, optional
+        What of each rating of drives must stay free, and where motors work; see `size_drives`.
     name : str
         What the assessment is called; the name of the task without one.
     progress : callable, optional
@@ -368,15 +422,24 @@ def assess(
     cycle_of(found, pause)  # says at once that the machine cannot make it
     ranked: list[Sizing] = []
     if drives is not None:
-        given = {"rest": pause, "brake_safety": brake_safety, "progress": progress}
-        ranked = size_drives(robot, found, drives, **given)  # type: ignore[arg-type]  # by their names
+        ranked = size_drives(
+            robot,
+            found,
+            drives,
+            rest=pause,
+            brake_safety=brake_safety,
+            margins=margins,
+            ambient=ambient,
+            progress=progress,
+        )
     loads = report = None
     if bearings is not None or stiffness is not None:
         loads = _reactions(robot, found, stiffness)
     if loads is not None and bearings is not None:
         report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
-    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits)
+    place = Ambient() if ambient is None else ambient
+    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits, place)
 
 
 def as_result(found: InverseDynamics | TaskForces) -> InverseDynamics:
@@ -449,7 +512,7 @@ _RPM = 30 / math.pi
 def uses_table(found: Assessment, most: int | None = None) -> Table:
     """Return all ratings that are known, those used most first, with times and places."""
     rows = tuple(_use(one) for one in found.ratings[:most])
-    header = ("rating", "of", "required", "permissible", "utilisation", "at t [s]", "segment")
+    header = ("rating", "of", "required", "rated", "used", "limit", "at t [s]", "segment")
     left = 0 if most is None else len(found.ratings) - most
     note = f"{left} more have a lower utilisation." if left > 0 else ""
     return Table("Utilisation of ratings", header, rows, note)
@@ -457,7 +520,8 @@ def uses_table(found: Assessment, most: int | None = None) -> Table:
 
 def _use(one: RatingUse) -> tuple[str, ...]:
     values = (f"{figure} {one.unit}".strip() for figure in one.figures)
-    return (f"{one.name} of {one.part}", one.kind, *values, percent(one.share), *_when(one.time, one.place))
+    shares = percent(one.share), percent(1 - one.margin, 0)
+    return (f"{one.name} of {one.part}", one.kind, *values, *shares, *_when(one.time, one.place))
 
 
 def _when(time: float, place: str) -> tuple[str, str]:
@@ -559,9 +623,10 @@ def assumptions(found: Assessment) -> dict[str, str]:
             "efficiency acts on the force at the nut only, in the direction of its power, not on the inertia "
             "of motor and screw; rms torque is compared with the continuous torque at the rms speed, at rest "
             f"the motor holds; screws run to {WHIRL:.0%} of their critical speed and {BUCKLING:.0%} of "
-            "Euler's load; the same drive on all axes"
+            f"Euler's load; {'the same' if _alike(found.drives) else 'another'} drive on each axis"
         )
-        told["ambient"] = "ratings as the catalogue gives them, no derating for temperature, altitude or duty"
+        told["margins"] = _margins(found.drives)
+        told["ambient"] = _ambient(found)
     if found.reactions is not None:
         guess = "estimates" if found.stiffness is None else "as given"
         told["stiffness and assembly errors"] = (
@@ -576,6 +641,33 @@ def assumptions(found: Assessment) -> dict[str, str]:
     gravity = ", ".join(f"{value:g}" for value in parameters.gravity)
     told["gravity"] = f"({gravity}) m/s²"
     return told
+
+
+def _alike(sizing: Sizing) -> bool:
+    return len(set(map(id, sizing.drives))) == 1
+
+
+def _margins(sizing: Sizing) -> str:
+    """Return which shares of which ratings must stay free."""
+    shares: dict[float, dict[str, None]] = {}
+    for axis in sizing.axes:
+        for one in axis.ratings:
+            shares.setdefault(one.margin, {})[one.name] = None
+    told = [f"{percent(share, 0)} of {', '.join(names)}" for share, names in shares.items() if share]
+    return f"{'; '.join(told) or 'none'}; brakes, critical speed and buckling have safety factors instead"
+
+
+def _ambient(found: Assessment) -> str:
+    """Return where motors work, and what that leaves of their continuous torque."""
+    place, motors = (
+        found.ambient,
+        {} if found.drives is None else {d.motor: None for d in found.drives.drives},
+    )
+    shares = ", ".join(f"{motor.name} {motor.heat_share(place):.3g}" for motor in motors)
+    where = f"{place.temperature:g} °C, {place.altitude:g} m"
+    return (
+        f"{where}; share of the continuous torque that is left at standstill: {shares}; no derating of duty"
+    )
 
 
 def _of_the_task(found: Assessment) -> str:

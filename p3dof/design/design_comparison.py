@@ -26,6 +26,7 @@ from p3dof.design.assessment import Assessment, as_result, assess
 from p3dof.design.bearings import Bearings
 from p3dof.design.drives import Drive
 from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.drives.tables import YES
 from p3dof.design.fastest import fastest_plan, limits_of
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
 from p3dof.design.tasks import AxisLimits, Task
@@ -412,7 +413,7 @@ def verdicts_table(found: DesignComparison) -> Table:
     for one in found.assessments:
         worst = one.worst
         drive = [] if one.drives is None else [_drive(one) or ""]
-        words = "yes" if one.fits else "no", f"{worst.name} of {worst.part}", percent(worst.share), worst.when
+        words = YES[worst.verdict], f"{worst.name} of {worst.part}", percent(worst.share), worst.when
         rows[one.name] = [*words, *drive]
     header = ["design", "fits", "critical rating", "utilisation", "when"]
     drives = any(one.drives is not None for one in found.assessments)
@@ -422,7 +423,7 @@ def verdicts_table(found: DesignComparison) -> Table:
 
 
 def _drive(found: Assessment) -> str | None:
-    return None if found.drives is None else found.drives.drives[0].name
+    return None if found.drives is None else found.drives.name
 
 
 def _cell(value: float) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DriveError, InputError
-from p3dof.design.drives import Drive, Sizing, cycle_of, size_of
+from p3dof.design.drives import VERDICTS, Ambient, Drive, Margins, Sizing, cycle_of, size_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.machine.motion import Motion
@@ -27,13 +27,15 @@ def size_drives(
     *,
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
+    margins: Margins | None = None,
+    ambient: Ambient | None = None,
     progress: Progress | None = None,
 ) -> list[Sizing]:
     """Return what a motion or a task takes of drives, the best first.
 
-    Each drive is tried on all three axes. Those that fit come first, the weakest motor first, by rated torque
-    times rated speed; among equal motors that whose ratings are used least. Those that do not fit come after,
-    by the rating that they exceed most.
+    Each drive is tried on all three axes. Those that fit with their margins come first, the weakest motor
+    first, by rated torque times rated speed; among equal motors that whose ratings are used least. Then
+    those that fit without reserve, then those that do not fit, by the rating that they exceed most.
 
     Forces are those at the nuts: each drive's own turning parts are added at the motor, and an armature of
     the machine, which stands for those of another drive, is left out. Brakes must hold the
@@ -51,6 +53,10 @@ def size_drives(
         How long the machine rests after the last sample, besides the dwells of a task [s].
     brake_safety : float
         How much more a brake must hold than what it bears.
+    margins : Margins, optional
+        What of each rating must stay free; the usual ones without it.
+    ambient : Ambient, optional
+        Where the motors work; up to 40 °C and 1000 m without it.
     progress : callable, optional
         Called with (done, total) drives.
 
@@ -81,7 +87,16 @@ def size_drives(
         if not isinstance(drive, Drive):
             raise DriveError(f"drives: expected Drive objects, got {shown(drive)}")
         sizings.append(
-            size_of(cycle, drive, held=held, held_time=when, load_mass=mass, brake_safety=brake_safety)
+            size_of(
+                cycle,
+                drive,
+                held=held,
+                held_time=when,
+                load_mass=mass,
+                brake_safety=brake_safety,
+                margins=margins,
+                ambient=ambient,
+            )
         )
         if progress is not None:
             progress(done, len(chosen))
@@ -92,7 +107,8 @@ def _rank(sizing: Sizing) -> tuple[float, ...]:
     motor = sizing.drives[0].motor
     power = motor.rated_torque * float(motor.rated_speed or 0.0)
     share = sizing.worst[1].share
-    return (0.0, power, share) if sizing.fits else (1.0, share, power)
+    place = VERDICTS.index(sizing.verdict)
+    return (place, power, share) if place < 2 else (place, share, power)
 
 
 def _static(

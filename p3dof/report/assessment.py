@@ -100,9 +100,11 @@ def _answer(found: Assessment) -> dict[str, Any]:
     given, back, where = _energy(found)
     return {
         "fits": found.fits,
+        "answer": found.answer,
+        "reserve": found.worst.verdict,
         "reason": found.reason,
         "unchecked": found.unchecked,
-        "chosen": None if found.drives is None else found.drives.drives[0].name,
+        "chosen": None if found.drives is None else found.drives.name,
         "energy": f"{short(given)} J supplied, {short(back)} J regenerated {where}",
         "key": {
             "used most": f"{one.name} of {one.part}: {percent(one.share)}",

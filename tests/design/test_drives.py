@@ -15,6 +15,7 @@ import p3dof
 from p3dof._base.errors import DriveError, InputError
 from p3dof.design.drives import (
     GENERIC,
+    VERDICTS,
     Belt,
     Catalogue,
     Cycle,
@@ -190,7 +191,7 @@ def test_screws_may_turn_and_bear_what_their_makers_print():
         ("fixed-fixed", 21.9),
     ):
         screw = Screw(0.01, diameter=0.0127, length=0.7, ends=ends)
-        rating = ratings_of(Drive(Motor(1, 3, 1e4, 1e-4), screw))["screw speed"]
+        rating = ratings_of(Drive(Motor(1, 3, 1e4, 1e-4), screw))["critical speed"]
         maker = printed * 1e7 * 12.7 / 700**2 * math.sqrt(2.1 / 2.06)
         assert rating.allowed == pytest.approx(maker, rel=0.05 / printed + 1e-3)  # printed to a tenth
     screw = Screw(0.01, diameter=0.0175, length=1.3, ends="fixed-fixed")
@@ -204,10 +205,11 @@ def test_behind_a_gear_each_rating_holds_at_its_own_shaft():
     drive = Drive(Motor(2, 6, 1000, 1e-4), screw, Gear(2.5, 0.95, max_speed=3000 * RPM, max_torque=0.7))
     found = ratings_of(drive, force=100.0, speed=0.1)
     turns = 0.1 / 0.02 * 60  # of the screw [rpm]
-    assert found["screw speed"].required == pytest.approx(turns, rel=1e-14)
-    assert found["screw speed"].allowed == pytest.approx(400, rel=1e-14)
-    assert found["speed"].required == pytest.approx(2.5 * turns, rel=1e-14)
-    assert found["speed"].allowed == pytest.approx(3000, rel=1e-14)
+    assert found["nut speed"].required == pytest.approx(turns, rel=1e-14)
+    assert found["nut speed"].allowed == pytest.approx(400, rel=1e-14)
+    assert found["speed"].required == found["gear speed"].required == pytest.approx(2.5 * turns, rel=1e-14)
+    assert found["gear speed"].allowed == pytest.approx(3000, rel=1e-14)
+    assert found["speed"].allowed == pytest.approx(1000 / RPM, rel=1e-14)
     behind = 100 * 0.02 / (2 * math.pi) / 0.9  # at the screw
     assert found["gear torque"].required == pytest.approx(behind, rel=1e-14)
     assert found["peak torque"].required == pytest.approx(behind / 2.5 / 0.95, rel=1e-14)
@@ -299,7 +301,7 @@ def test_ratings_name_what_is_exceeded_and_when(paper):
 def test_too_fast_a_motor_breaks_its_speed_and_no_torque():
     """A has 111 % of the speed and little torque, B too much torque and 105 %, C is always too fast."""
     motor = Motor(1.0, 2.0, 5000 * RPM, 0.0, time_constant=10.0)
-    drive = Drive(motor, Screw(0.01, 1.0, 1.0, inertia=0.0))
+    drive = Drive(motor, Screw(0.01, 1.0, 1.0, inertia=0.0, max_speed=math.inf))
     time = np.linspace(0, 1, 1001)
     swing = 1 - np.abs(2 * time - 1)
     speed = np.column_stack([5550 * swing, 5250 * swing, np.full(1001, 5500.0)]) * RPM / drive.ratio
@@ -332,11 +334,11 @@ FULL = Drive(
     ("part", "change", "words"),
     [
         ("motor", {"time_constant": None}, "no time_constant"),
-        ("motor", {"max_inertia_ratio": math.inf}, "no max_inertia_ratio"),
+        ("motor", {"max_inertia_ratio": math.inf}, "max_inertia_ratio allows any"),
         ("motor", {"max_power": math.inf}, "no max_power"),
         ("motor", {"max_braking_power": math.inf}, "no max_braking_power"),
         ("motor", {"brake_torque": 0.0}, "motor has no brake_torque"),
-        ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10, DN (no max_speed)"),
+        ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10 (max_speed allows any)"),
         ("transmission", {"length": None, "inertia": 1e-5}, "no diameter and length"),
         ("gear", {"max_speed": math.inf}, "speed of planets (no max_speed)"),
         ("gear", {"max_torque": math.inf}, "torque of planets (no max_torque)"),
@@ -349,11 +351,11 @@ def test_what_has_no_number_is_not_checked_and_said(paper, part, change, words):
         for drive in (FULL, replace(FULL, **{part: replace(getattr(FULL, part), **change)}))
     )
     more = set(not_checked(bare)) - set(not_checked(every))
-    assert [words in one for one in more if "reserves" not in one] == [True]
+    assert [words in one for one in more] == [True]
     limits = [{(one.name, one.allowed) for one in found.axes[0].ratings} for found in (every, bare)]
     assert limits[0] - limits[1]
     assert any("life and static load of the nut of 16x10" in one for one in not_checked(every))
-    assert not any("(" in one for one in not_checked(every) if "reserves" not in one)
+    assert not any("(" in one for one in not_checked(every))
     assert "Not checked: " in p3dof._base.tables.html_of(bare)
 
 
@@ -553,7 +555,8 @@ def test_the_command_ranks_a_catalogue(capsys, tmp_path, monkeypatch):
     assert "friction of guides and joints (none was given: forces are those without)" in told
     rows = list(csv.DictReader((tmp_path / "ranked.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 8
-    assert rows[0]["fits"] == "1"
+    assert [row["verdict"] for row in rows] == sorted((row["verdict"] for row in rows), key=VERDICTS.index)
+    assert rows[0]["verdict"] == "fits"
     assert 0 < float(rows[0]["peak torque A used"]) < 1
 
 
@@ -571,7 +574,7 @@ def test_the_command_names_the_rating_that_is_broken(capsys, tmp_path, monkeypat
     (tmp_path / "task.yaml").write_text(PICK_AND_PLACE, encoding="utf-8")
     (tmp_path / "drives.yaml").write_text(
         "motors: [{name: M, rated_torque: 1.3, peak_torque: 3.8, max_speed: 5000 rpm, inertia: 3e-5}]\n"
-        "screws: [{name: S, lead: 5 mm, inertia: 0}]\n",
+        "screws: [{name: S, lead: 5 mm, inertia: 0, max_speed: 9000 rpm}]\n",
         encoding="utf-8",
     )
     code, out, _ = run(capsys, "size", "task.yaml", "--duration", 2, "--drives", "drives.yaml")

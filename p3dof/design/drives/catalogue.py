@@ -46,7 +46,7 @@ _UNITS: Mapping[str, Quantity] = {
     **dict.fromkeys(("max_speed", "rated_speed"), ROTATION),
     **dict.fromkeys(("inertia", "coupling_inertia"), INERTIA),
     "time_constant": TIME,
-    **dict.fromkeys(("lead", "diameter", "length"), LENGTH),
+    **dict.fromkeys(("lead", "diameter", "nominal_diameter", "length"), LENGTH),
 }
 _KINDS: Mapping[str, type[Any]] = {"motors": Motor, "screws": Screw, "belts": Belt, "gears": Gear}
 _CURVE = (ROTATION, MOMENT, MOMENT)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, shown
 from p3dof._base.errors import DriveError
+from p3dof.design.drives.margins import Ambient, derated, table_share
 
 
 def above_zero(what: str, value: Any) -> float:
@@ -197,12 +198,19 @@ class Motor(Readable):
         Friction torque of its bearings and seals [N m].
     time_constant : float, optional
         Thermal [s]; without it, heating within the cycle is not checked.
-    max_inertia_ratio : float
-        Largest inertia of the load at its shaft by that of the rotor that its control takes; infinite if
-        nothing is known.
+    max_inertia_ratio : float, optional
+        Largest inertia of the load at its shaft by that of the rotor that its control takes; 10 is assumed
+        without it, and infinite is any. The screw is no part of the load.
     max_power, max_braking_power : float
         Largest power that its amplifier gives, and that it and its braking resistor take back, both at the
         shaft [W]; infinite if nothing is known.
+    temperature_rise : float
+        What its winding may be warmer than the air, for derating [K].
+    rated_ambient : float
+        Temperature of the air up to which its ratings hold [°C].
+    derating_temperature, derating_altitude : sequence of (value, share), optional
+        The maker's own shares of the continuous torque, by temperature of the air [°C] and by altitude [m],
+        straight between their points; they go before the physics of one body.
     winding : Winding, optional
         What its drive's voltage lets it give: less than the curve says at high speeds. Without a curve, the
         peak torque then holds up to the fastest speed as far as the winding allows.
@@ -225,9 +233,13 @@ class Motor(Readable):
     coupling_inertia: float = 0.0
     drag: float = 0.0
     time_constant: float | None = None
-    max_inertia_ratio: float = math.inf
+    max_inertia_ratio: float | None = None
     max_power: float = math.inf
     max_braking_power: float = math.inf
+    temperature_rise: float = 100.0
+    rated_ambient: float = 40.0
+    derating_temperature: Sequence[Sequence[float]] | None = None
+    derating_altitude: Sequence[Sequence[float]] | None = None
     winding: Winding | None = None
     name: str = "motor"
 
@@ -242,8 +254,12 @@ class Motor(Readable):
         set_(self, "rated_speed", above_zero(f"{where}: rated_speed", rated))
         if self.time_constant is not None:
             set_(self, "time_constant", above_zero(f"{where}: time_constant", self.time_constant))
+        set_(self, "temperature_rise", above_zero(f"{where}: temperature_rise", self.temperature_rise))
+        Ambient(self.rated_ambient)
+        for field in ("derating_temperature", "derating_altitude"):
+            set_(self, field, _shares(f"{where}: {field}", getattr(self, field)))
         for field in ("max_inertia_ratio", "max_power", "max_braking_power"):
-            if getattr(self, field) != math.inf:
+            if getattr(self, field) not in (None, math.inf):
                 set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
         if self.peak_torque < self.rated_torque:
             raise DriveError(
@@ -266,9 +282,26 @@ class Motor(Readable):
                 f"winding's constant and largest current: is each of them by rms or by peak value?"
             )
 
-    def continuous(self, speed: FloatArray) -> FloatArray:
-        """Return what it gives for ever at speeds (...) [rad/s], in (...) [N m]; zero above the fastest."""
-        return self._at(speed, 1)
+    def continuous(self, speed: FloatArray, share: float = 1.0) -> FloatArray:
+        """Return what it gives for ever at speeds [rad/s], of which heat leaves a share at standstill.
+
+        In (...) [N m]; zero above the fastest. `share` is that of `heat_share`.
+        """
+        found = self._at(speed, 1)
+        if share >= 1:
+            return found
+        shifted = np.minimum(np.abs(speed) / max(share, 1e-9), self.max_speed)
+        return derated(found, self._at(shifted, 1), float(np.asarray(self.curve)[0, 1]), share)
+
+    def heat_share(self, ambient: Ambient) -> float:
+        """Return the share of the continuous torque at standstill that a place leaves; at most 1."""
+        tables = (
+            (self.derating_temperature, ambient.temperature),
+            (self.derating_altitude, ambient.altitude),
+        )
+        if all(table is None for table, _ in tables):
+            return min(1.0, ambient.heat_share(self.temperature_rise, self.rated_ambient))
+        return math.prod(min(1.0, table_share(table, value)) for table, value in tables if table is not None)
 
     def peak(self, speed: FloatArray) -> FloatArray:
         """Return what it gives for a moment at speeds (...) [rad/s], in (...) [N m]; zero if too fast."""
@@ -305,3 +338,13 @@ class Motor(Readable):
             peak = self.rated_torque if self.winding is None else self.peak_torque
             return np.array([*slow, [self.max_speed, left, peak]])
         return np.array([*slow, [self.max_speed, self.rated_torque, self.peak_torque]])
+
+
+def _shares(what: str, given: Any) -> FloatArray | None:
+    """Return rows of (value, share) by rising value, or None, or raise DriveError."""
+    if given is None:
+        return None
+    rows = frozen_array(what, given, ("N", 2), DriveError)
+    if not len(rows) or (np.diff(rows[:, 0]) <= 0).any() or (rows[:, 1] < 0).any() or (rows[:, 1] > 2).any():
+        raise DriveError(f"{what}: expected rows of a rising value and a share, such as [[40, 1], [50, 0.9]]")
+    return rows

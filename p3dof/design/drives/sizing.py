@@ -1,4 +1,4 @@
-"""`Sizing`: what a cycle takes of a drive on each axis, by its ratings, and whether it fits.
+"""`Sizing`: what a cycle takes of a drive on each axis, by its ratings, and whether it fits with reserve.
 
 References
 ----------
@@ -13,15 +13,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, FrozenArrays, Readable, frozen_array, not_negative, require
 from p3dof._base.errors import DriveError
+from p3dof.design.drives.margins import (
+    INERTIA_RATIO,
+    REMARKED_RATIO,
+    SPEED_OF_NUTS,
+    TURNS_OF_NUTS,
+    VERDICTS,
+    Ambient,
+    Margins,
+    verdict_of,
+)
 from p3dof.design.drives.motor import above_zero
-from p3dof.design.drives.transmission import Drive
+from p3dof.design.drives.transmission import Drive, Screw
 from p3dof.machine.parameters import LEGS
 
 
@@ -108,6 +118,18 @@ class Rating:
     allowed: float
     unit: str  # of both
     time: float = math.nan  # when [s]; NaN for what belongs to the whole cycle
+    margin: float = 0.0  # share of what there is that must stay free
+    assumed: str = ""  # which default stands for a number that the catalogue does not have, in words
+
+    @property
+    def limit(self) -> float:
+        """What there is, less the margin [`unit`]."""
+        return self.allowed * (1 - self.margin)
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`."""
+        return VERDICTS[verdict_of(self.share, self.margin)]
 
     @property
     def share(self) -> float:
@@ -115,6 +137,11 @@ class Rating:
         if self.allowed > 0:
             return self.required / self.allowed
         return math.inf if self.required > 0 else 0.0
+
+
+def _by_need(rating: Rating) -> tuple[int, float]:
+    """Return what orders ratings, the worst last; shares that differ by rounding are equal."""
+    return VERDICTS.index(rating.verdict), round(rating.share, 9)
 
 
 @dataclass(frozen=True)
@@ -146,13 +173,13 @@ class AxisLoads(Readable):
 
     @property
     def worst(self) -> Rating:
-        """The rating that is used most."""
-        return max(self.ratings, key=lambda rating: rating.share)
+        """The rating that is exceeded most, or else is used most."""
+        return max(self.ratings, key=_by_need)
 
     @property
     def fits(self) -> bool:
-        """Whether no rating is exceeded."""
-        return self.worst.share <= 1
+        """Whether all ratings keep their margins."""
+        return self.worst.verdict == VERDICTS[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,28 +195,64 @@ class Sizing:
 
     def __repr__(self) -> str:
         leg, rating = self.worst
-        fit = "fits" if self.fits else "does not fit"
-        return f"Sizing({self.drives[0].name}: {fit}, {rating.name} of {leg} {rating.share:.0%})"
+        return f"Sizing({self.name}: {self.verdict}, {rating.name} of {leg} {rating.share:.0%})"
+
+    @property
+    def name(self) -> str:
+        """That of the drive, or those of the drives of A, B and C."""
+        names = [drive.name for drive in self.drives]
+        return names[0] if len(set(names)) == 1 else ", ".join(names)
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`, the worst of all ratings."""
+        return self.worst[1].verdict
 
     @property
     def fits(self) -> bool:
-        """Whether no rating of any axis is exceeded."""
-        return all(axis.fits for axis in self.axes)
+        """Whether all ratings of all axes keep their margins."""
+        return self.verdict == VERDICTS[0]
 
     @property
     def worst(self) -> tuple[str, Rating]:
-        """The axis and the rating that is used most."""
-        return self._by_share()[0]
+        """The axis and the rating that is exceeded most, or else is used most."""
+        return self._by_need()[0]
 
     @property
     def exceeded(self) -> tuple[tuple[str, Rating], ...]:
         """Axes and ratings that are exceeded, the farthest first."""
-        return tuple((leg, rating) for leg, rating in self._by_share() if rating.share > 1)
+        return tuple(one for one in self._by_need() if one[1].verdict == VERDICTS[2])
 
-    def _by_share(self) -> list[tuple[str, Rating]]:
+    @property
+    def without_reserve(self) -> tuple[tuple[str, Rating], ...]:
+        """Axes and ratings that are kept without their margins, those that are used most first."""
+        return tuple(one for one in self._by_need() if one[1].verdict == VERDICTS[1])
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Which defaults stand for numbers that the catalogue does not have, in words."""
+        return tuple(dict.fromkeys(one.assumed for axis in self.axes for one in axis.ratings if one.assumed))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is within the ratings, and yet worth knowing."""
+        high = {
+            leg: axis.inertia_ratio[1]
+            for leg, axis in zip(LEGS, self.axes, strict=True)
+            if axis.inertia_ratio[1] > REMARKED_RATIO
+        }
+        if not high:
+            return ()
+        words = ", ".join(f"{leg} {value:.3g}" for leg, value in high.items())
+        return (
+            f"load by rotor inertia above {REMARKED_RATIO:g} ({words}, without the screw): usual in "
+            "handling, high for machine tools",
+        )
+
+    def _by_need(self) -> list[tuple[str, Rating]]:
         pairs = zip(LEGS, self.axes, strict=True)
         each = [(leg, rating) for leg, axis in pairs for rating in axis.ratings]
-        return sorted(each, key=lambda one: -round(one[1].share, 9))  # equal but for rounding: the first axis
+        return sorted(each, key=lambda one: _by_need(one[1]), reverse=True)
 
 
 def size_of(
@@ -200,12 +263,17 @@ def size_of(
     held_time: FloatArray | None = None,
     load_mass: FloatArray | None = None,
     brake_safety: float = BRAKE_SAFETY,
+    margins: Margins | None = None,
+    ambient: Ambient | None = None,
 ) -> Sizing:
     """Return what a cycle takes of drives.
 
     `held`: largest forces that brakes must hold, over the poses of the task, without friction [N]; those at
     rest in the cycle without it.
     """
+    reserves, place = margins or Margins(), ambient or Ambient()
+    require("margins", reserves, Margins, DriveError)
+    require("ambient", place, Ambient, DriveError)
     require("cycle", cycle, Cycle, DriveError)
     chosen = (drives,) * 3 if isinstance(drives, Drive) else tuple(drives)
     if len(chosen) != 3 or not all(isinstance(drive, Drive) for drive in chosen):
@@ -218,7 +286,7 @@ def size_of(
     axes, powers = [], []
     for leg, drive in enumerate(chosen):
         columns = cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg]
-        axis = _Axis(cycle, drive, *columns, float(cycle.holding[leg]))
+        axis = _Axis(cycle, drive, *columns, float(cycle.holding[leg]), drive.motor.heat_share(place))
         brake = Rating(
             "brake",
             safety * float(still[leg]) / drive.ratio,
@@ -226,7 +294,7 @@ def size_of(
             "N m",
             float(when[leg]),
         )
-        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg]))))
+        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg])), reserves))
         powers.append(axis.power)
     bus = np.sum(powers, axis=0)
     given, back = (float(np.trapezoid(part, cycle.time)) for part in (np.maximum(bus, 0), np.minimum(bus, 0)))
@@ -251,7 +319,9 @@ class _Axis:
         speed: FloatArray,
         acceleration: FloatArray,
         holding: float,
+        heat_share: float,
     ) -> None:
+        self._heat_share = heat_share
         self._cycle, self._drive, self._force, self._speed = cycle, drive, force, speed
         self._acceleration = acceleration
         self._time = cycle.time
@@ -263,11 +333,12 @@ class _Axis:
         self._holding = holding / drive.ratio
         self.power = self._torque * self._turning
 
-    def loads(self, brake: Rating, mass: tuple[float, float]) -> AxisLoads:
+    def loads(self, brake: Rating, mass: tuple[float, float], margins: Margins) -> AxisLoads:
         """Return what the cycle takes, given what the brake must hold and the least and largest load."""
         drive, motor = self._drive, self._drive.motor
         top = int(np.argmax(np.abs(self._torque)))
-        ratio = [m / drive.ratio**2 / motor.inertia if motor.inertia else math.inf for m in mass]
+        own = motor.inertia * drive.ratio**2
+        ratio = [m / own if own else m * math.inf for m in mass]
         constant = motor.time_constant
         heating, hottest = (math.nan, math.nan) if constant is None else self._heating(constant)
         rms_speed = self._mean_square(self._turning, 0.0) ** 0.5
@@ -294,10 +365,14 @@ class _Axis:
             heating=heating,
             inertia_ratio=(ratio[0], ratio[1]),
             best_lead=self._best_lead(),
-            ratings=(
-                *self._ratings(rms, rms_speed),
-                *([brake] if motor.brake_torque > 0 else []),
-                *self._of_motor(heating, hottest, ratio),
+            ratings=tuple(
+                replace(rating, margin=margins.of(rating.name))
+                for rating in (
+                    *self._ratings(rms, rms_speed),
+                    *([brake] if motor.brake_torque > 0 else []),
+                    *self._of_motor(heating, hottest, ratio),
+                    *self._of_transmission(),
+                )
             ),
         )
 
@@ -329,7 +404,7 @@ class _Axis:
             loads = (self._torque / allowed) ** 2
         if not np.isfinite(loads).all():
             return math.inf, float(self._time[int(np.argmax(loads))])
-        still = float(self._drive.motor.continuous(np.zeros(1))[0])
+        still = float(self._drive.motor.continuous(np.zeros(1), self._heat_share)[0])
         means = np.append((loads[1:] + loads[:-1]) / 2, (self._holding / still) ** 2)
         fade = np.exp(-np.append(self._step, self._cycle.rest) / constant)
 
@@ -347,26 +422,27 @@ class _Axis:
     def _continuous(self, speed: FloatArray) -> FloatArray:
         """Return the continuous torque at speeds, at the fastest where they are above it."""
         motor = self._drive.motor
-        return motor.continuous(np.minimum(np.abs(speed), motor.max_speed))
+        return motor.continuous(np.minimum(np.abs(speed), motor.max_speed), self._heat_share)
 
     def _of_motor(self, heating: float, hottest: float, inertia: list[float]) -> list[Rating]:
         """Return what is used of the motor's heat and of the load's inertia that it may have."""
-        allowed, found = self._drive.motor.max_inertia_ratio, []
+        motor, found = self._drive.motor, []
         if not math.isnan(heating):
             found.append(Rating("heating", heating, 1.0, "", hottest))
+        allowed = INERTIA_RATIO if motor.max_inertia_ratio is None else motor.max_inertia_ratio
         if allowed < math.inf and not math.isnan(inertia[1]):
-            found.append(Rating("inertia ratio", inertia[1], allowed, ""))
+            assumed = f"load by rotor inertia up to {INERTIA_RATIO:g} (no max_inertia_ratio of {motor.name})"
+            told = assumed if motor.max_inertia_ratio is None else ""
+            found.append(Rating("inertia ratio", inertia[1], allowed, "", assumed=told))
         return found
 
     def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
-        motor, slow, gear = self._drive.motor, self._drive.transmission, self._drive.gear
-        fastest = int(np.argmax(np.abs(self._turning)))
-        hardest = int(np.argmax(np.abs(self._force)))
-        speed, when = _RPM * float(np.abs(self._turning[fastest])), float(self._time[fastest])
+        motor, gear = self._drive.motor, self._drive.gear
+        speed, when = self._fastest
         found = [
             *self._peak_torque(),
             Rating("rms torque", rms, float(self._continuous(np.array([rms_speed]))[0]), "N m"),
-            Rating("speed", speed, _RPM * min(motor.max_speed, gear.max_speed), "rpm", when),
+            Rating("speed", speed, _RPM * motor.max_speed, "rpm", when),
         ]
         for name, power, limit in (
             ("power", self.power, motor.max_power),
@@ -375,17 +451,36 @@ class _Axis:
             if limit < math.inf:
                 most = int(np.argmax(power))
                 found.append(Rating(name, max(float(power[most]), 0.0), limit, "W", float(self._time[most])))
-        screw_limit = _RPM * min(slow.max_speed, WHIRL * slow.critical_speed)
-        if screw_limit < math.inf:
-            found.append(Rating("screw speed", speed / gear.ratio, screw_limit, "rpm", when))
-        if slow.buckling_force < math.inf:
-            force = float(np.abs(self._force[hardest]))
-            limit = BUCKLING * slow.buckling_force
-            found.append(Rating("buckling", force, limit, "N", float(self._time[hardest])))
+        if gear.max_speed < math.inf:
+            found.append(Rating("gear speed", speed, _RPM * gear.max_speed, "rpm", when))
         if gear.max_torque < math.inf:
             most = int(np.argmax(np.abs(self._screw_torque)))
             torque = float(np.abs(self._screw_torque[most]))
             found.append(Rating("gear torque", torque, gear.max_torque, "N m", float(self._time[most])))
+        return found
+
+    @property
+    def _fastest(self) -> tuple[float, float]:
+        """Largest speed of the motor [rpm], and when [s]."""
+        at = int(np.argmax(np.abs(self._turning)))
+        return _RPM * float(np.abs(self._turning[at])), float(self._time[at])
+
+    def _of_transmission(self) -> list[Rating]:
+        """Return what is used of a screw or belt: each of its speeds by itself, and buckling."""
+        slow = self._drive.transmission
+        speed, when = self._fastest
+        turns = speed / self._drive.gear.ratio
+        found = []
+        if isinstance(slow, Screw):
+            found += _of_nut(slow, turns, when)
+        elif slow.max_speed < math.inf:
+            found.append(Rating("belt speed", turns, _RPM * slow.max_speed, "rpm", when))
+        if slow.critical_speed < math.inf:
+            found.append(Rating("critical speed", turns, _RPM * WHIRL * slow.critical_speed, "rpm", when))
+        if slow.buckling_force < math.inf:
+            hardest = int(np.argmax(np.abs(self._force)))
+            force, limit = float(np.abs(self._force[hardest])), BUCKLING * slow.buckling_force
+            found.append(Rating("buckling", force, limit, "N", float(self._time[hardest])))
         return found
 
     def _peak_torque(self) -> list[Rating]:
@@ -399,3 +494,22 @@ class _Axis:
             worst = int(np.argmax(np.where(torque == 0, 0.0, torque / allowed)))
         time = float(self._time[rows[worst]])
         return [Rating("peak torque", float(torque[worst]), float(allowed[worst]), "N m", time)]
+
+
+def _of_nut(screw: Screw, turns: float, when: float) -> list[Rating]:
+    """Return what is used of the speed of a nut [rpm]: of its own limit, or by DN and what is assumed."""
+    found = []
+    if screw.max_speed is not None:
+        if screw.max_speed < math.inf:
+            found.append(Rating("nut speed", turns, _RPM * screw.max_speed, "rpm", when))
+    else:
+        limit = _RPM * TURNS_OF_NUTS
+        assumed = f"nuts turn up to {limit:,.0f} rpm (no max_speed of {screw.name})"
+        found.append(Rating("nut speed", turns, limit, "rpm", when, assumed=assumed))
+    nominal, source = screw.sold_diameter
+    if not math.isnan(nominal) and (screw.dn is not None or screw.max_speed is None):
+        words = [] if screw.dn is not None else [f"DN {SPEED_OF_NUTS:,.0f} (no dn of {screw.name})"]
+        assumed = ", ".join((*words, *([source] if source else [])))
+        limit = SPEED_OF_NUTS if screw.dn is None else screw.dn
+        found.append(Rating("DN", 1e3 * nominal * turns, limit, "mm rpm", when, assumed=assumed))
+    return found

@@ -11,29 +11,26 @@ from pathlib import Path
 
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.tables import NONE, Table, html_of, notebook_html, number, percent, table_of
-from p3dof.design.drives.sizing import BUCKLING, WHIRL, Rating, Sizing
+from p3dof.design.drives.margins import VERDICTS
+from p3dof.design.drives.sizing import Rating, Sizing
 from p3dof.design.drives.transmission import Drive, Gear, Screw
 from p3dof.machine.parameters import LEGS
 
 
 def not_checked(sizing: Sizing) -> tuple[str, ...]:
-    """Return what was not checked of drives, in words.
-
-    First what the catalogue could have numbers for, by the field that has none.
-    """
+    """Return what was not checked of drives, in words, by the field of the catalogue that has no number."""
     found: dict[str, None] = {}
     for drive in dict.fromkeys(sizing.drives):
         found |= dict.fromkeys((*_of_motor(drive), *_of_gear(drive), *_of_transmission(drive)))
-    shares = f", but for {WHIRL:.0%} of the critical speed and {BUCKLING:.0%} of Euler's load"
-    screws = any(drive.transmission.critical_speed < math.inf for drive in sizing.drives)
-    return (*found, f"reserves (ratings count in full{shares if screws else ''})", "temperature and altitude")
+    return tuple(found)
 
 
 def _of_motor(drive: Drive) -> list[str]:
     motor, name = drive.motor, drive.motor.name
     known = {
         f"heat of {name} within the cycle (no time_constant)": motor.time_constant is not None,
-        f"load by rotor inertia of {name} (no max_inertia_ratio)": motor.max_inertia_ratio < math.inf,
+        f"load by rotor inertia of {name} (max_inertia_ratio allows any)": motor.max_inertia_ratio
+        != math.inf,
         f"power of the amplifier of {name} (no max_power)": motor.max_power < math.inf,
         f"braking power of amplifier and resistor of {name} (no max_braking_power)": motor.max_braking_power
         < math.inf,
@@ -62,7 +59,7 @@ def _of_transmission(drive: Drive) -> list[str]:
         speed = [] if part.max_speed < math.inf else [f"speed of {part.name} (no max_speed)"]
         return [*speed, f"strength and life of {part.name}"]
     known = {
-        f"speed of the nut of {part.name}, DN (no max_speed)": part.max_speed < math.inf,
+        f"speed of the nut of {part.name} (max_speed allows any)": part.max_speed != math.inf,
         f"critical speed and buckling of {part.name} (no diameter and length)": part.critical_speed
         < math.inf,
         f"life and static load of the nut of {part.name}": False,
@@ -71,6 +68,8 @@ def _of_transmission(drive: Drive) -> list[str]:
 
 
 _RPM = 30 / math.pi
+YES = dict(zip(VERDICTS, ("yes", "no reserve", "no"), strict=True))
+"""Verdicts in a column of a table."""
 
 
 def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
@@ -79,13 +78,14 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
     for sizing in found[:most]:
         leg, rating = sizing.worst
         axes = [percent(axis.worst.share, 0) for axis in sizing.axes]
-        fits = "yes" if sizing.fits else "no"
-        name = sizing.drives[0].name
+        fits, name = YES[sizing.verdict], sizing.name
         rows.append((name, fits, f"{rating.name} of {leg}", *axes, number(sizing.bus_peak_power)))
     header = ("drive", "fits", "critical rating", *(f"{leg} used" for leg in LEGS), "bus [W]")
     left = len(found) - most
     fitting = sum(sizing.fits for sizing in found)
-    note = f"{fitting} of {len(found)} fit." + (f" {left} more are not listed." if left > 0 else "")
+    note = f"{fitting} of {len(found)} fit with their margins." + (
+        f" {left} more are not listed." if left > 0 else ""
+    )
     return Table("Drives", header, tuple(rows), note)
 
 
@@ -112,7 +112,7 @@ def axes_table(sizing: Sizing) -> Table:
         f"{number(sizing.bus_negative_work)} J regenerated, "
         f"at most {number(sizing.bus_peak_power)} W and {number(sizing.bus_peak_braking)} W."
     )
-    return table_of(sizing.drives[0].name, ("of the motor", *LEGS), rows, note)
+    return table_of(sizing.name, ("of the motor", *LEGS), rows, note)
 
 
 def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -> Table:
@@ -125,13 +125,19 @@ def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -
             name = f"{leg}: {rating.name}" + (f" [{rating.unit}]" if rating.unit else "")
             share = percent(rating.share)
             values = number(rating.required), number(rating.allowed)
-            rows[name] = (*values, share, NONE if whole else number(rating.time), place)
-    header = ("rating", "required", "permissible", "utilisation", "at t [s]", "segment")
+            rows[name] = (
+                *values,
+                share,
+                percent(1 - rating.margin, 0),
+                NONE if whole else number(rating.time),
+                place,
+            )
+    header = ("rating", "required", "rated", "used", "limit", "at t [s]", "segment")
     return table_of("Utilisation of ratings", header, rows)
 
 
 def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
-    """Return whether drives fit, and which rating is critical; all that are exceeded, the worst first.
+    """Return whether drives fit, with which reserve, or which ratings are exceeded, the farthest first.
 
     Parameters
     ----------
@@ -140,8 +146,15 @@ def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
     where : callable, optional
         Time to the name of a part of the cycle.
     """
-    named = [_words(leg, rating, where) for leg, rating in sizing.exceeded or (sizing.worst,)]
-    return f"{'fits' if sizing.fits else 'does not fit'}: {'; '.join(named)}"
+    broken = sizing.exceeded or sizing.without_reserve
+    if not broken:
+        leg, rating = sizing.worst
+        least = f"{rating.name} of {leg}, {_when(rating, where)}"
+        return f"fits with {percent(1 - rating.share, 0)} reserve; the least is {least}"
+    told = [_words(leg, rating, where) for leg, rating in broken]
+    more = len(sizing.without_reserve) if sizing.exceeded else 0
+    also = f"; {more} more without reserve" if more else ""
+    return f"{sizing.verdict}: {'; '.join(told)}{also}"
 
 
 def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> str:
@@ -149,17 +162,29 @@ def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> st
         much = f"takes {number(rating.required)} {rating.unit} where none is permissible"
     else:
         much = f"has a utilisation of {percent(rating.share, 0)}"
+    if rating.verdict == VERDICTS[1]:
+        much += f" ({percent(1 - rating.margin, 0)} keep the margin)"
+    return f"{rating.name} of {leg} {much}, {_when(rating, where)}"
+
+
+def _when(rating: Rating, where: Callable[[float], str] | None) -> str:
     if math.isnan(rating.time):
-        return f"{rating.name} of {leg} {much}, over the cycle"
+        return "over the cycle"
     place = f", {where(rating.time)}" if where is not None else ""
-    return f"{rating.name} of {leg} {much}, at t = {number(rating.time)} s{place}"
+    return f"at t = {number(rating.time)} s{place}"
+
+
+def caveats(sizing: Sizing) -> tuple[str, ...]:
+    """Return what the verdict on drives rests on: defaults in place of numbers, and remarks."""
+    assumed = f"assumed: {'; '.join(sizing.assumed)}" if sizing.assumed else ""
+    return (*([assumed] if assumed else []), *sizing.remarks)
 
 
 @html_of.register(Sizing)
 def sizing_html(sizing: Sizing) -> str:
     """Return how a notebook shows drives on their axes, as HTML."""
     facts = f"{verdict(sizing)}. Not checked: {'; '.join(not_checked(sizing))}."
-    return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)])
+    return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)], caveats(sizing))
 
 
 def _lead(lead: float) -> str:
@@ -184,12 +209,12 @@ def write_ranking(found: Sequence[Sizing], path: str | os.PathLike[str]) -> Path
     )
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["drive", "fits", *(f"{name} {leg} used" for leg in LEGS for name in names)])
+    writer.writerow(["drive", "verdict", *(f"{name} {leg} used" for leg in LEGS for name in names)])
     for sizing in found:
         shares = [
             {rating.name: f"{rating.share:.17g}" for rating in axis.ratings}.get(name, "")
             for axis in sizing.axes
             for name in names
         ]
-        writer.writerow([sizing.drives[0].name, int(sizing.fits), *shares])
+        writer.writerow([sizing.name, sizing.verdict, *shares])
     return write_atomic(path, text.getvalue())

@@ -9,6 +9,7 @@ which is near 2 - 1/η for small angles. Critical speed and buckling: Bernoulli'
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -31,6 +32,9 @@ _BENDING: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """How a screw is held, to λ² of its first bending vibration and the factor of its buckling load."""
 
+_DESIGNATION = re.compile(r"(?<![\d.])(\d{1,3}(?:\.\d{1,3})?)\s?[x×X]\s?(\d{1,3}(?:\.\d{1,3})?)(?![\d.])")
+"""As ISO 3408-1 designates ball screws: nominal diameter × lead, in mm."""
+
 ENDS = tuple(_BENDING)  # how a screw may be held at its ends
 
 
@@ -50,15 +54,20 @@ class Screw:
     inertia : float, optional
         Of the screw about its axis [kg m²]; that of a steel cylinder of `diameter` and `length` without it.
     diameter : float, optional
-        Of the core [m], for inertia, critical speed and buckling.
+        Of the core, or root [m], for inertia, critical speed and buckling.
+    nominal_diameter : float, optional
+        Of the screw as it is sold [m], for the speed of the nut. Without it, the one of a designation such
+        as 16x5 (diameter by lead) in the name, or 5/4 of the core.
     length : float, optional
         Between the bearings [m].
     ends : str
         How it is held, one of `ENDS`.
     drag : float
         Torque of the preloaded nut, at the screw [N m].
-    max_speed : float
-        What the nut allows [rad/s]; infinite if nothing is known.
+    max_speed : float, optional
+        What the nut allows [rad/s]; infinite for any. Without it, 5,000 rpm and the DN value are looked at.
+    dn : float, optional
+        DN value: what nominal diameter times speed may be [mm rpm]; 70,000 is assumed without it.
     name : str
         What tables call it.
 
@@ -76,19 +85,26 @@ class Screw:
     length: float | None = None
     ends: str = "fixed-supported"
     drag: float = 0.0
-    max_speed: float = math.inf
+    max_speed: float | None = None
+    nominal_diameter: float | None = None
+    dn: float | None = None
     name: str = "screw"
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = text("screw: name", self.name)
-        for name in ("lead", "diameter", "length"):
+        for name in ("lead", "diameter", "length", "nominal_diameter", "dn"):
             value = getattr(self, name)
             if value is not None:
                 set_(self, name, above_zero(f"{where}: {name}", value))
+        nominal = self.nominal_diameter
+        if nominal is not None and self.diameter is not None and nominal < self.diameter:
+            raise DriveError(
+                f"{where}: nominal_diameter: expected at least that of the core, got {nominal:g} m"
+            )
         _set_efficiencies(self, where)
         set_(self, "drag", not_negative(f"{where}: drag", self.drag, DriveError))
-        if self.max_speed != math.inf:
+        if self.max_speed not in (None, math.inf):
             set_(self, "max_speed", above_zero(f"{where}: max_speed", self.max_speed))
         if self.ends not in ENDS:
             raise DriveError(f"{where}: ends: expected one of {', '.join(ENDS)}, got {self.ends!r}")
@@ -103,6 +119,20 @@ class Screw:
     def ratio(self) -> float:
         """Angle of the screw by way of the nut [rad/m]."""
         return 2 * math.pi / self.lead
+
+    @property
+    def sold_diameter(self) -> tuple[float, str]:
+        """Nominal diameter [m], or NaN, and in words where it comes from if nobody gave it."""
+        if self.nominal_diameter is not None:
+            return self.nominal_diameter, ""
+        named = _DESIGNATION.search(self.name)
+        if named is not None and math.isclose(float(named[2]) / 1e3, self.lead):
+            nominal = float(named[1]) / 1e3
+            if self.diameter is None or self.diameter < nominal < 2 * self.diameter:
+                return nominal, f"nominal diameter of {self.name} by its designation"
+        if self.diameter is None:
+            return math.nan, ""
+        return 1.25 * self.diameter, f"nominal diameter of {self.name} 5/4 of its core"
 
     @property
     def critical_speed(self) -> float:
