@@ -608,7 +608,9 @@ def test_the_figure_shows_the_cycle_within_the_curves(tmp_path, capsys):
     cycle = cycle_of(result, 0.0)
     figure = plots.drives_figure(sizing, cycle)
     for leg, axis in enumerate(figure.axes):
-        curve, point, *_ = axis.lines
+        curve, point, margins, *_ = axis.lines
+        ends = np.abs(margins.get_data()).max(axis=1)
+        assert ends == pytest.approx([0.8e4 / RPM, 0.8 * D1.motor.peak_torque], rel=5e-3)  # drawn by points
         speed, torque = curve.get_data()
         assert np.abs(torque).max() == pytest.approx(abs(sizing.axes[leg].peak_torque), rel=1e-12)
         assert np.abs(speed).max() == pytest.approx(sizing.axes[leg].top_speed * 30 / np.pi, rel=1e-12)

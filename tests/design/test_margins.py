@@ -204,6 +204,7 @@ def test_a_warm_and_high_place_is_in_the_ratings_and_told():
     rms = pair[0]["rms torque"].required
     assert_allclose(pair[1]["rms torque"].allowed, 1.3 * x, rtol=1e-6)
     assert_allclose(pair[1]["heating"].required, (rms / 1.3 / x) ** 2, rtol=2e-6)
+    assert_allclose([warm.axes[1].heat_share, cool.axes[1].heat_share], [x, 1], rtol=1e-6)
     assert pair[1]["peak torque"] == pair[0]["peak torque"]  # a moment does not warm it
     assert "2200 m: above 2000 m makers derate them" in place.warnings[0]
     assert Ambient().warnings == ()

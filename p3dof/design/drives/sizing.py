@@ -170,6 +170,7 @@ class AxisLoads(Readable):
     """Way of the slider a turn of the screw or pulley with which the rms torque would be least, with the
     same turning parts and no losses [m]; NaN where the slider does not move."""
     ratings: tuple[Rating, ...]  # how much of each rating is used
+    heat_share: float = 1.0  # what heat and height leave of the motor's continuous torque at standstill
 
     @property
     def worst(self) -> Rating:
@@ -374,6 +375,7 @@ class _Axis:
                     *self._of_transmission(),
                 )
             ),
+            heat_share=self._heat_share,
         )
 
     def _best_lead(self) -> float:

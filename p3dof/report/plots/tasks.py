@@ -158,7 +158,7 @@ def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
         axis.set_xlabel("motor speed [rpm]")
     axes[0].set_ylabel("motor torque [N m]")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="upper center", ncols=5, frameon=False, fontsize=9)
     return figure
 
 
@@ -168,7 +168,7 @@ def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
     speed = np.asarray(np.linspace(-drive.motor.max_speed, drive.motor.max_speed, _POINTS), dtype=np.float64)
     for curve, shade, label in (
         (drive.motor.peak(speed), _PEAK, "for a moment"),
-        (drive.motor.continuous(speed), _CONTINUOUS, "for ever"),
+        (drive.motor.continuous(speed, loads.heat_share), _CONTINUOUS, "for ever"),
     ):
         axis.fill_between(_RPM * speed, -curve, curve, color=shade, lw=0, label=label)
     torque = drive.torque(cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg])
@@ -177,6 +177,13 @@ def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
     axis.plot(
         [_RPM * loads.rms_speed], [loads.rms_torque], "o", color="black", ms=5, label="its root mean square"
     )
+    keeps = {rating.name: 1 - rating.margin for rating in loads.ratings}
+    if keeps.get("peak torque", 1.0) < 1 or keeps["speed"] < 1:
+        within = speed[np.abs(speed) <= keeps["speed"] * drive.motor.max_speed]
+        most = keeps.get("peak torque", 1.0) * drive.motor.peak(within)
+        edge = np.concatenate([most, -most[::-1], most[:1]])
+        around = _RPM * np.concatenate([within, within[::-1], within[:1]])
+        axis.plot(around, edge, color="0.35", lw=0.8, ls=":", label="with margins")
     axis.axhline(0, color="0.6", lw=0.6)
     axis.axvline(0, color="0.6", lw=0.6)
 
@@ -205,19 +212,22 @@ def balance_figure(found: BestBalance) -> Figure:
 
 
 _MOST, _MOST_ROWS = 10, 14
+_LIMIT = "#b3261e"
 _WIDEST = 1.5  # bars of larger shares end here, and tell their share
 _BAR = 0.26
-_CLOSE = 0.93  # labels of bars that end from here to the limit stand behind its line
+_CLOSE = 0.93  # labels of bars that end so near to a limit of 1 stand behind its line
 
 
 def utilisation_figure(found: Assessment) -> Figure:
     """Draw how much of each rating the axes use, the largest first."""
     _require(found)
     shares: dict[str, list[float]] = {}
+    limits: dict[str, float] = {}
     for one in found.ratings:
         if one.part in LEGS:
             name = f"{one.name} ({one.kind})" if one.kind in ("machine", "task") else one.name
             shares.setdefault(name, [math.nan] * 3)[LEGS.index(one.part)] = one.share
+            limits[name] = 1 - one.margin
         elif f"{one.name} ({one.kind})" not in shares:
             shares[f"{one.name} ({one.kind})"] = [one.share]
     names = list(shares)[:_MOST]
@@ -228,19 +238,20 @@ def utilisation_figure(found: Assessment) -> Figure:
             place = row + (k - (len(shares[name]) - 1) / 2) * _BAR
             colour = COLOURS[k] if len(shares[name]) > 1 else "0.45"
             axis.barh(place, min(share, _WIDEST), height=_BAR * 0.9, color=colour)
+        if limits.get(name, 1.0) < 1:
+            ends = row - 1.7 * _BAR, row + 1.7 * _BAR
+            axis.plot([limits[name]] * 2, ends, color=_LIMIT, lw=1.4, ls=":")
         most = float(np.nanmax(shares[name]))
+        end = next((line for line in (limits.get(name, 1.0), 1.0) if 0 <= line - most < 1 - _CLOSE), most)
         axis.annotate(
             percent(most, 0),
-            (
-                1.0 if _CLOSE < most < 1 else min(most, _WIDEST),
-                row,
-            ),  # beside the line of the limit, not on it
+            (min(end, _WIDEST), row),  # beside the lines of limits, not on them
             xytext=(5, 0),
             textcoords="offset points",
             va="center",
             fontsize=9,
         )
-    axis.axvline(1.0, color="#b3261e", lw=1.4)
+    axis.axvline(1.0, color=_LIMIT, lw=1.4)
     tidy(axis)
     top = max((min(one.share, _WIDEST) for one in found.ratings), default=1.0)
     axis.set_xlim(0, max(1.08, top + 0.12))
@@ -248,7 +259,7 @@ def utilisation_figure(found: Assessment) -> Figure:
     axis.set_ylim(len(names) - 0.4, -0.6)
     axis.grid(visible=False, axis="y")
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
-    axis.set_xlabel("utilisation; the line is the limit")
+    axis.set_xlabel("utilisation; the line is the rated value, dots are the limit with its margin")
     for k, leg in enumerate(LEGS):
         axis.barh(np.nan, np.nan, color=COLOURS[k], label=leg)
     axis.legend(loc="lower right", frameon=False, fontsize=9)
