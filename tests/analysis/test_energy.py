@@ -19,7 +19,7 @@ import p3dof
 import p3dof.cli.forces
 from p3dof._base.errors import InputError, MissingExtraError, ReachError
 from p3dof.analysis.energy import energy_of, kinetic_energy, momentum, potential_energy
-from p3dof.analysis.energy import results as energy_tables
+from p3dof.analysis.energy import evaluation as energy_tables
 from p3dof.analysis.energy.evaluation import integral
 from p3dof.cli import main
 from p3dof.closed_form import kinematics
