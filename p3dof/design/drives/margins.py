@@ -10,7 +10,7 @@ air. At speed the losses that turning makes stay as they are: T² = T_c(n)² - T
 References
 ----------
 Margins: Omron (peak torque 20 to 30 %), Panasonic MINAS selection (rms and peak 20 %). Inertia ratio:
-Beckhoff (3 to 10 for handling). Heat: Siemens 1FK7 G2, table of derating, all entries.
+Beckhoff (3 to 10 for handling). Heat: Siemens 1FK7 G2, table of derating.
 """
 
 from __future__ import annotations
