@@ -16,50 +16,69 @@ from typing import Any
 from p3dof._base.checks import is_number, with_point
 from p3dof._base.errors import ParameterError
 
-_Powers = tuple[int, int, int, int]  # of metre, kilogram, second and radian
+_Powers = tuple[int, int, int, int, int]  # of metre, kilogram, second, radian and ampere
 
 _UNITS: dict[str, tuple[_Powers, Fraction]] = {
-    "m": ((1, 0, 0, 0), Fraction(1)),
-    "cm": ((1, 0, 0, 0), Fraction(1, 100)),
-    "mm": ((1, 0, 0, 0), Fraction(1, 1000)),
-    "um": ((1, 0, 0, 0), Fraction(1, 10**6)),
-    "µm": ((1, 0, 0, 0), Fraction(1, 10**6)),
-    "km": ((1, 0, 0, 0), Fraction(1000)),
-    "kg": ((0, 1, 0, 0), Fraction(1)),
-    "g": ((0, 1, 0, 0), Fraction(1, 1000)),
-    "t": ((0, 1, 0, 0), Fraction(1000)),
-    "s": ((0, 0, 1, 0), Fraction(1)),
-    "ms": ((0, 0, 1, 0), Fraction(1, 1000)),
-    "min": ((0, 0, 1, 0), Fraction(60)),
-    "rad": ((0, 0, 0, 1), Fraction(1)),
-    "mrad": ((0, 0, 0, 1), Fraction(1, 1000)),
-    "deg": ((0, 0, 0, 1), Fraction(math.pi) / 180),
-    "rpm": ((0, 0, -1, 1), Fraction(math.pi) / 30),
-    "°": ((0, 0, 0, 1), Fraction(math.pi) / 180),
-    "N": ((1, 1, -2, 0), Fraction(1)),
-    "mN": ((1, 1, -2, 0), Fraction(1, 1000)),
-    "kN": ((1, 1, -2, 0), Fraction(1000)),
-    "W": ((2, 1, -3, 0), Fraction(1)),
-    "kW": ((2, 1, -3, 0), Fraction(1000)),
-    "Pa": ((-1, 1, -2, 0), Fraction(1)),
-    "MPa": ((-1, 1, -2, 0), Fraction(10**6)),
-    "GPa": ((-1, 1, -2, 0), Fraction(10**9)),
-    "Nm": ((2, 1, -2, 0), Fraction(1)),
-    "Nmm": ((2, 1, -2, 0), Fraction(1, 1000)),
-    "Ncm": ((2, 1, -2, 0), Fraction(1, 100)),
-    "in": ((1, 0, 0, 0), Fraction(254, 10**4)),
-    "ft": ((1, 0, 0, 0), Fraction(3048, 10**4)),
-    "lb": ((0, 1, 0, 0), Fraction(45359237, 10**8)),
-    "lbf": ((1, 1, -2, 0), Fraction(44482216152605, 10**13)),
-    "kgf": ((1, 1, -2, 0), Fraction(980665, 10**5)),
-    "oz": ((0, 1, 0, 0), Fraction(45359237, 16 * 10**8)),
-    "ozf": ((1, 1, -2, 0), Fraction(44482216152605, 16 * 10**13)),
-    "psi": ((-1, 1, -2, 0), Fraction(44482216152605, 10**13) / Fraction(254, 10**4) ** 2),
-    "hp": ((2, 1, -3, 0), 550 * Fraction(3048, 10**4) * Fraction(44482216152605, 10**13)),
+    "m": ((1, 0, 0, 0, 0), Fraction(1)),
+    "cm": ((1, 0, 0, 0, 0), Fraction(1, 100)),
+    "mm": ((1, 0, 0, 0, 0), Fraction(1, 1000)),
+    "um": ((1, 0, 0, 0, 0), Fraction(1, 10**6)),
+    "µm": ((1, 0, 0, 0, 0), Fraction(1, 10**6)),
+    "km": ((1, 0, 0, 0, 0), Fraction(1000)),
+    "kg": ((0, 1, 0, 0, 0), Fraction(1)),
+    "g": ((0, 1, 0, 0, 0), Fraction(1, 1000)),
+    "t": ((0, 1, 0, 0, 0), Fraction(1000)),
+    "s": ((0, 0, 1, 0, 0), Fraction(1)),
+    "ms": ((0, 0, 1, 0, 0), Fraction(1, 1000)),
+    "min": ((0, 0, 1, 0, 0), Fraction(60)),
+    "rad": ((0, 0, 0, 1, 0), Fraction(1)),
+    "mrad": ((0, 0, 0, 1, 0), Fraction(1, 1000)),
+    "deg": ((0, 0, 0, 1, 0), Fraction(math.pi) / 180),
+    "rpm": ((0, 0, -1, 1, 0), Fraction(math.pi) / 30),
+    "°": ((0, 0, 0, 1, 0), Fraction(math.pi) / 180),
+    "N": ((1, 1, -2, 0, 0), Fraction(1)),
+    "mN": ((1, 1, -2, 0, 0), Fraction(1, 1000)),
+    "kN": ((1, 1, -2, 0, 0), Fraction(1000)),
+    "W": ((2, 1, -3, 0, 0), Fraction(1)),
+    "kW": ((2, 1, -3, 0, 0), Fraction(1000)),
+    "Pa": ((-1, 1, -2, 0, 0), Fraction(1)),
+    "MPa": ((-1, 1, -2, 0, 0), Fraction(10**6)),
+    "GPa": ((-1, 1, -2, 0, 0), Fraction(10**9)),
+    "Nm": ((2, 1, -2, 0, 0), Fraction(1)),
+    "Nmm": ((2, 1, -2, 0, 0), Fraction(1, 1000)),
+    "Ncm": ((2, 1, -2, 0, 0), Fraction(1, 100)),
+    "in": ((1, 0, 0, 0, 0), Fraction(254, 10**4)),
+    "ft": ((1, 0, 0, 0, 0), Fraction(3048, 10**4)),
+    "lb": ((0, 1, 0, 0, 0), Fraction(45359237, 10**8)),
+    "lbf": ((1, 1, -2, 0, 0), Fraction(44482216152605, 10**13)),
+    "kgf": ((1, 1, -2, 0, 0), Fraction(980665, 10**5)),
+    "oz": ((0, 1, 0, 0, 0), Fraction(45359237, 16 * 10**8)),
+    "ozf": ((1, 1, -2, 0, 0), Fraction(44482216152605, 16 * 10**13)),
+    "psi": ((-1, 1, -2, 0, 0), Fraction(44482216152605, 10**13) / Fraction(254, 10**4) ** 2),
+    "hp": ((2, 1, -3, 0, 0), 550 * Fraction(3048, 10**4) * Fraction(44482216152605, 10**13)),
+    "mNm": ((2, 1, -2, 0, 0), Fraction(1, 1000)),
+    "J": ((2, 1, -2, 0, 0), Fraction(1)),
+    "A": ((0, 0, 0, 0, 1), Fraction(1)),
+    "mA": ((0, 0, 0, 0, 1), Fraction(1, 1000)),
+    "V": ((2, 1, -3, 0, -1), Fraction(1)),
+    "mV": ((2, 1, -3, 0, -1), Fraction(1, 1000)),
+    "kV": ((2, 1, -3, 0, -1), Fraction(1000)),
+    "ohm": ((2, 1, -3, 0, -2), Fraction(1)),
+    "Ω": ((2, 1, -3, 0, -2), Fraction(1)),
+    "mohm": ((2, 1, -3, 0, -2), Fraction(1, 1000)),
+    "mΩ": ((2, 1, -3, 0, -2), Fraction(1, 1000)),
+    "H": ((2, 1, -2, 0, -2), Fraction(1)),
+    "mH": ((2, 1, -2, 0, -2), Fraction(1, 1000)),
+    "uH": ((2, 1, -2, 0, -2), Fraction(1, 10**6)),
+    "µH": ((2, 1, -2, 0, -2), Fraction(1, 10**6)),
+    "uF": ((-2, -1, 4, 0, 2), Fraction(1, 10**6)),
+    "µF": ((-2, -1, 4, 0, 2), Fraction(1, 10**6)),
+    "mF": ((-2, -1, 4, 0, 2), Fraction(1, 1000)),
+    "F": ((-2, -1, 4, 0, 2), Fraction(1)),
 }
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})\s*([^\d\s.,+-].*?)\s*\Z", re.ASCII | re.DOTALL)
-_FACTOR = re.compile(r"([A-Za-zµ°]+)\^?(-?[1-9])?\Z")
+_FACTOR = re.compile(r"([A-Za-zµ°Ω]+)\^?(-?[1-9])?\Z")
 _LONGEST = 60  # longest text that is taken for a number with a unit [characters]
 _DEEPEST = 3  # how long a list of numbers may be, in each direction
 
@@ -126,11 +145,11 @@ def _is_plain(value: Any) -> bool:
 
 def _unit(text: str) -> tuple[_Powers, Fraction] | None:
     """Return the powers and the factor of a unit; None if it is none."""
-    plain = text.replace("²", "^2").replace("³", "^3").replace("μ", "µ")
+    plain = text.replace("²", "^2").replace("³", "^3").replace("μ", "µ").replace("\u2126", "Ω")
     sides = plain.split("/")
     if len(sides) > 2:
         return None
-    powers, factor = [0, 0, 0, 0], Fraction(1)
+    powers, factor = [0] * 5, Fraction(1)
     for sign, side in zip((1, -1), sides, strict=False):
         words = re.split(r"[\s*·]+", side.strip().strip("()").strip())
         if sign > 0 and words == ["1"]:
@@ -143,7 +162,7 @@ def _unit(text: str) -> tuple[_Powers, Fraction] | None:
             base, scale = _UNITS[match[1]]
             powers = [p + count * b for p, b in zip(powers, base, strict=True)]
             factor *= scale**count
-    return (powers[0], powers[1], powers[2], powers[3]), factor
+    return (powers[0], powers[1], powers[2], powers[3], powers[4]), factor
 
 
 LENGTH = Quantity("a length", "m", ("mm",))
@@ -165,3 +184,9 @@ ROTATION = Quantity("a rotational speed", "rad/s", ("rpm",))
 STIFFNESS = Quantity("a stiffness", "N/m", ("N/um",))
 TURNING_STIFFNESS = Quantity("a stiffness against turning", "N m", ("N m/rad", "N m/mrad"))
 PRESSURE = Quantity("a modulus", "Pa", ("GPa",))
+CURRENT = Quantity("a current", "A", ("mA",))
+VOLTAGE = Quantity("a voltage", "V", ("kV",))
+RESISTANCE = Quantity("a resistance", "ohm", ("mohm",))
+INDUCTANCE = Quantity("an inductance", "H", ("mH",))
+FLUX = Quantity("a flux linkage", "V s", ("V s/rad", "mV s"))
+TORQUE_CONSTANT = Quantity("a torque constant", "N m/A", ("Nm/A",))

@@ -12,7 +12,23 @@ from scipy import constants
 
 import p3dof
 from p3dof._base.errors import ParameterError
-from p3dof._base.quantities import _UNITS, ANGLE, FORCE, INERTIA, LENGTH, MASS, MOMENT, POWER, PRESSURE
+from p3dof._base.quantities import (
+    _UNITS,
+    ANGLE,
+    CURRENT,
+    FLUX,
+    FORCE,
+    INDUCTANCE,
+    INERTIA,
+    LENGTH,
+    MASS,
+    MOMENT,
+    POWER,
+    PRESSURE,
+    RESISTANCE,
+    TORQUE_CONSTANT,
+    VOLTAGE,
+)
 from p3dof.cli import main
 from p3dof.machine.parameters import PAPER, Body, Geometry, box
 from p3dof.machine.parameters.body import inertial_of_cylinder, inertial_of_plate
@@ -86,6 +102,16 @@ def test_a_file_with_units_is_the_file_without():
         (PRESSURE, "1 psi", 6894.757293168362),
         (MOMENT, "10 lbf in", 1.129848290276167),
         (MOMENT, "64 Ncm", 0.64),
+        (MOMENT, "12 mNm", 0.012),
+        (CURRENT, "850 mA", 0.85),
+        (VOLTAGE, "0.32 kV", 320.0),
+        (RESISTANCE, "700 mΩ", 0.7),
+        (RESISTANCE, "0.7 \u2126", 0.7),
+        (RESISTANCE, "0.7 V/A", 0.7),
+        (INDUCTANCE, "8 mH", 0.008),
+        (INDUCTANCE, "8 V ms/A", 0.008),
+        (FLUX, "70 mV s", 0.07),
+        (TORQUE_CONSTANT, "59.4 Ncm/A", 0.594),
         (INERTIA, "0.4 lb in^2", 1.1705586137168e-4),
         (LENGTH, ["120 mm", 0, "0 m"], [0.12, 0, 0]),
         (LENGTH, 3, 3),
@@ -188,19 +214,24 @@ def test_machines_made_in_python_may_have_any_size():
 
 
 SI = {
-    (1, 0, 0, 0): {"m": 1, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "km": 1e3}
+    (1, 0, 0, 0, 0): {"m": 1, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "km": 1e3}
     | {"in": constants.inch, "ft": constants.foot},
-    (0, 1, 0, 0): {"kg": 1, "g": constants.gram, "t": 1e3, "lb": constants.lb, "oz": constants.oz},
-    (0, 0, 1, 0): {"s": 1, "ms": 1e-3, "min": constants.minute},
-    (0, 0, 0, 1): {"rad": 1, "mrad": 1e-3, "deg": constants.degree, "°": constants.degree},
-    (0, 0, -1, 1): {"rpm": 2 * np.pi / constants.minute},
-    (1, 1, -2, 0): {"N": 1, "mN": 1e-3, "kN": 1e3}
+    (0, 1, 0, 0, 0): {"kg": 1, "g": constants.gram, "t": 1e3, "lb": constants.lb, "oz": constants.oz},
+    (0, 0, 1, 0, 0): {"s": 1, "ms": 1e-3, "min": constants.minute},
+    (0, 0, 0, 1, 0): {"rad": 1, "mrad": 1e-3, "deg": constants.degree, "°": constants.degree},
+    (0, 0, -1, 1, 0): {"rpm": 2 * np.pi / constants.minute},
+    (1, 1, -2, 0, 0): {"N": 1, "mN": 1e-3, "kN": 1e3}
     | {"lbf": constants.lbf, "kgf": constants.kgf, "ozf": constants.lbf / 16},
-    (2, 1, -3, 0): {"W": 1, "kW": 1e3, "hp": constants.hp},
-    (-1, 1, -2, 0): {"Pa": 1, "MPa": 1e6, "GPa": 1e9, "psi": constants.psi},
-    (2, 1, -2, 0): {"Nm": 1, "Nmm": 1e-3, "Ncm": 1e-2},
+    (2, 1, -3, 0, 0): {"W": 1, "kW": 1e3, "hp": constants.hp},
+    (-1, 1, -2, 0, 0): {"Pa": 1, "MPa": 1e6, "GPa": 1e9, "psi": constants.psi},
+    (2, 1, -2, 0, 0): {"Nm": 1, "Nmm": 1e-3, "Ncm": 1e-2, "mNm": 1e-3, "J": 1},
+    (0, 0, 0, 0, 1): {"A": 1, "mA": 1e-3},
+    (2, 1, -3, 0, -1): {"V": 1, "mV": 1e-3, "kV": 1e3},
+    (2, 1, -3, 0, -2): {"ohm": 1, "Ω": 1, "mohm": 1e-3, "mΩ": 1e-3},
+    (2, 1, -2, 0, -2): {"H": 1, "mH": 1e-3, "uH": 1e-6, "µH": 1e-6},
+    (-2, -1, 4, 0, 2): {"F": 1, "mF": 1e-3, "uF": 1e-6, "µF": 1e-6},
 }
-"""What units are by metre, kilogram, second and radian: by SciPy's constants."""
+"""What units are by metre, kilogram, second, radian and ampere: by SciPy's constants."""
 
 
 def test_every_unit_is_what_it_is_elsewhere():
