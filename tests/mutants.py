@@ -298,6 +298,8 @@ TESTS = {
     "p3dof/design/tasks/f": ("fastest", "tasks", "fastest_jerk"),
     "p3dof/design/tasks/laws.py": ("fastest_jerk", "fastest", "tasks"),
     "p3dof/design/drives/": ("margins", "drive_numbers", "winding", "drives"),
+    "p3dof/design/drives/catalogue.py": ("drive_files", "drives"),
+    "p3dof/design/drives/makers.py": ("drive_files",),
     "p3dof/design/bearings/": ("bearings",),
     "p3dof/manipulator.py": ("comparison", "manipulator", "gate"),
     "p3dof/methods/comparison": ("comparison", "manipulator", "gate"),

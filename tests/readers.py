@@ -138,6 +138,28 @@ gears:
   - {name: direct, ratio: 1}
   - {name: i3, ratio: 3, efficiency: 0.96, inertia: 0.1 kg cm^2}
 """
+MAKER = """
+motors:
+  table: m.csv
+  encoding: cp1252
+  separator: ";"
+  decimal: ","
+  thousands: "."
+  header: 2
+  columns: {Typ: name, "M0 [Nm]": rated_torque, Mmax: "peak_torque [Nm]", 4: "max_speed [rpm]", J: inertia,
+            n: "curve.speed [rpm]", S1: curve.continuous, S6: curve.peak, U: winding.bus_voltage}
+  constant: {max_inertia_ratio: 10, winding: {pole_pairs: 4, resistance: 1 ohm, inductance: 8 mH,
+             measured: between lines, torque_constant_rms: 0.6, max_current_rms: 20 A}}
+screws:
+  - {name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, efficiency: 0.9}
+"""
+MOTORS = """Servomotoren;;;;;;;;
+Typ;M0 [Nm];Mmax;n max;J;n;S1;S6;U
+M 1;1,3;3,8;5.000;0,3 kg cm^2;0;1,3;3,8;320
+;;;;;3.000;1,2;3,8;
+;;;;;5.000;0,9;1,5;
+"M 2 ""Größe"" 5";2,4;7,2 Nm;6.000;1,2 kgcm²;;;;325
+"""
 UNCERTAINTY = """
 sigma: {R: 0.5 mm, L: 0.2 mm, platform.mass: 50 g, slide_a.offset: 0.1 mm}
 variables: {L: {uniform: [395 mm, 405 mm]}, platform.mass: {normal: [8 kg, 200 g]}}
@@ -180,6 +202,10 @@ def used_parameters(path: Path) -> None:
     robot = p3dof.load(p3dof.read_parameters(path))
     robot.forces(HOME, HOME, HOME, on_invalid="nan")
     serialization.parse(serialization.dump(robot.parameters), any_size=True)
+
+
+def beside_a_table(folder: Path) -> None:
+    (folder / "m.csv").write_bytes(MOTORS.encode("cp1252"))
 
 
 # Tables of motions, loads and designs ---------------------------------------------------------------------
@@ -447,6 +473,14 @@ READERS: dict[str, Reader] = {
     "stiffness": _yaml(read_stiffness, STIFFNESS),
     "load friction": _yaml(read_load_friction, LOAD_FRICTION),
     "drives": _yaml(lambda path: list(read_catalogue(path)), DRIVES),
+    "drives of makers": Reader("x.yaml", "yaml", encoded(MAKER), read_catalogue, beside_a_table),
+    "table of a maker": Reader(
+        "m.csv",
+        "csv",
+        lambda: [MOTORS.encode("cp1252")],
+        lambda path: list(read_catalogue(path.with_name("x.yaml"))),
+        lambda folder: (folder / "x.yaml").write_text(MAKER, encoding="utf-8"),
+    ),
     "uncertainty": _yaml(read_uncertainty, UNCERTAINTY),
     "motion": Reader("m.csv", "csv", lambda: [POSES.encode(), UNITS.encode(), ten_columns()], used_motion),
     "wrench": Reader("w.csv", "csv", encoded(WRENCH), p3dof.WrenchHistory.from_csv),

@@ -9,22 +9,23 @@ import platform
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module, metadata
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 from click.shell_completion import get_completion_class
 
 import p3dof
 from p3dof._base.errors import InputError
-from p3dof._base.files import check_writable, together, write_atomic
+from p3dof._base.files import together, write_atomic
 from p3dof.cli.app import FAILED, app
-from p3dof.cli.files import OutputFolder
-from p3dof.design.drives import GENERIC
+from p3dof.cli.files import InputFile, OutputFolder, protect, source
+from p3dof.design.drives import GENERIC, Catalogue, read_catalogue
+from p3dof.design.drives.catalogue import dump
 from p3dof.machine.motion import paper_motion
 from p3dof.machine.parameters import SOLIDS, Body, Parameters
 
@@ -35,51 +36,52 @@ NEXT = {
 }
 """Commands to go on with, and what each computes."""
 
-_MM, _DEG, _RPM = 1e-3, math.pi / 180, math.pi / 30
-_MOTOR = {
-    "rated_torque": (1, " Nm"),
-    "peak_torque": (1, " Nm"),
-    "rated_speed": (_RPM, " rpm"),
-    "max_speed": (_RPM, " rpm"),
-    "inertia": (1e-4, " kg cm^2"),
-    "brake_torque": (1, " Nm"),
-}
-_SCREW = {"lead": (_MM, " mm"), "diameter": (_MM, " mm"), "length": (_MM, " mm"), "efficiency": (1, "")}
-"""What a line of a catalogue has: numbers in units that makers print."""
+_MM, _DEG = 1e-3, math.pi / 180
+_ORIGIN = "# The numbers are typical of their size, and of no maker.\n"
 
 
 @app.command()
 @click.argument("folder", type=OutputFolder(), default=".", metavar="[FOLDER]")
+@click.option(
+    "--drives",
+    "catalogue_file",
+    type=InputFile(),
+    help="Catalogue of motors, gears, screws and belts (YAML) for drives.yaml, with the makers' tables (CSV) "
+    "that it names; by default generic sizes.",
+)
+@click.option("--drives-only", is_flag=True, help="Write drives.yaml only.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
-def init(folder: Path, force: bool) -> int:
+def init(folder: Path, catalogue_file: Path | None, drives_only: bool, force: bool) -> int:
     """Write a commented machine.yaml, motion.csv, task.yaml and drives.yaml to start from.
 
     They are written to FOLDER, by default the current one: all of them, or none if one exists already.
     """
-    texts = {folder / name: text for name, text in starting_files().items()}
+    drives = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
+    texts = {
+        folder / name: text
+        for name, text in starting_files(drives).items()
+        if not drives_only or name == "drives.yaml"
+    }
+    protect((catalogue_file,), texts)
     for path in texts:
         if path.exists() and not force:
             raise InputError(f"{path} exists already: nothing was written; --force overwrites it")
-        check_writable(path)
     with together():
         written = [write_atomic(path, text) for path, text in texts.items()]
     click.echo("\n".join(f"wrote {path}" for path in written))
-    click.echo(
-        f"They work as they are. Try, in {folder}:" if folder != Path() else "They work as they are. Try:"
-    )
-    click.echo("\n".join(f"  p3dof {command}\n      {meaning}" for command, meaning in NEXT.items()))
+    if not drives_only:
+        where = f", in {folder}" if folder != Path() else ""
+        click.echo(f"They work as they are. Try{where}:")
+        click.echo("\n".join(f"  p3dof {command}\n      {meaning}" for command, meaning in NEXT.items()))
     return 0
 
 
-def starting_files() -> dict[str, str]:
+def starting_files(drives: Catalogue = GENERIC) -> dict[str, str]:
     """Return the texts by name: numbers of the package, in the units that people write."""
     fills = {
         "machine.yaml": _numbers(SOLIDS),
         "task.yaml": {},
-        "drives.yaml": {
-            "motors": _lines(GENERIC.motors, _MOTOR),
-            "screws": _lines(GENERIC.transmissions, _SCREW),
-        },
+        "drives.yaml": {"origin": _ORIGIN if drives is GENERIC else "", "parts": dump(drives)},
     }
     folder = files("p3dof.cli") / "templates"
     texts = {
@@ -115,17 +117,6 @@ def _numbers(machine: Parameters) -> dict[str, str]:
         found[f"{kind}_com"] = _row(body.com, _MM, " mm")
         found[f"{kind}_inertia"] = _row(body.inertia.diagonal(), 1e-6, " kg mm^2")
     return found
-
-
-def _lines(parts: Iterable[Any], units: Mapping[str, tuple[float, str]]) -> str:
-    """Return a line of YAML for each part of a catalogue."""
-    rows = [
-        [f"{name}: {_plain(getattr(part, name) / scale)}{unit}" for name, (scale, unit) in units.items()]
-        for part in parts
-    ]
-    return "\n".join(
-        f"  - {{name: {part.name}, {', '.join(row)}}}" for part, row in zip(parts, rows, strict=True)
-    )
 
 
 def _row(values: Iterable[float], scale: float, unit: str) -> str:

@@ -48,6 +48,7 @@ OPTIONS = r"""
 --differencing | flag | Measure velocities as position differences
 --drive-stiffness | number | Stiffness of each drive
 --drives | FILE | Catalogue of motors
+--drives-only | flag | Write drives.yaml only
 --drop-missing | flag | Leave out base samples with
 --duration | number | Duration of
 --engines | choice | Also compute the forces with

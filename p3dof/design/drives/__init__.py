@@ -1,6 +1,6 @@
 """Drives: motors, gears, screws and belts; what a cycle takes of them, and which of a catalogue fit."""
 
-from p3dof.design.drives.catalogue import GENERIC, Catalogue, read_catalogue
+from p3dof.design.drives.catalogue import GENERIC, Catalogue, read_catalogue, write_catalogue
 from p3dof.design.drives.margins import VERDICTS, Ambient, Margins, margins_of
 from p3dof.design.drives.motor import Motor, Winding
 from p3dof.design.drives.sizing import AxisLoads, Cycle, Rating, Sizing, cycle_of, size_of
@@ -41,5 +41,6 @@ __all__ = [
     "read_catalogue",
     "size_of",
     "verdict",
+    "write_catalogue",
     "write_ranking",
 ]

@@ -1,4 +1,4 @@
-"""`Catalogue`: motors, gears, screws and belts to choose from; and a few generic ones.
+"""`Catalogue`: motors, gears, screws and belts to choose from; read, written, and a generic one.
 
 The form of a file::
 
@@ -10,9 +10,9 @@ The form of a file::
         max_speed: 5000 rpm
         inertia: 0.3 kg cm^2
         brake_torque: 1.4 Nm
-        winding:                             # optional: what the voltage of the drive allows; in SI units
-          {bus_voltage: 320, pole_pairs: 4, resistance: 1.0, inductance: 0.008, measured: between lines,
-           torque_constant_rms: 0.594, max_current_rms: 8.5, field_weakening: true}
+        winding:                             # optional: what the voltage of the drive allows
+          {bus_voltage: 320 V, pole_pairs: 4, resistance: 1 ohm, inductance: 8 mH, measured: between lines,
+           torque_constant_rms: 0.594, max_current_rms: 8.5 A, field_weakening: true}
     screws:
       - {name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, efficiency: 0.9}
     belts: []
@@ -21,20 +21,41 @@ The form of a file::
       - {name: i3, ratio: 3, efficiency: 0.96, inertia: 0.1 kg cm^2}
 
 Every motor is tried with every gear and every screw or belt. Numbers are in SI units, or have one of their
-own.
+own. A list, or an item of it, may be a maker's table: see `makers.py`. A field of a part is one line in its
+class, one in `_UNITS` if it has a unit, and one in the reference of the files.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
-from p3dof._base.checks import Readable, shown, warn_caller
+import numpy as np
+import yaml
+
+from p3dof._base.checks import Readable, require, shown, warn_caller
 from p3dof._base.errors import DriveError, ParameterError
-from p3dof._base.files import Source, called, parse_yaml, read_text
-from p3dof._base.quantities import INERTIA, LENGTH, MOMENT, POWER, ROTATION, TIME, Quantity
+from p3dof._base.files import Source, called, is_stream, parse_yaml, read_text, suffix_of, write_atomic
+from p3dof._base.quantities import (
+    CURRENT,
+    FLUX,
+    INDUCTANCE,
+    INERTIA,
+    LENGTH,
+    MOMENT,
+    POWER,
+    RESISTANCE,
+    ROTATION,
+    TIME,
+    TORQUE_CONSTANT,
+    VOLTAGE,
+    Quantity,
+)
+from p3dof.design.drives.makers import CURVE, parts_of_table
 from p3dof.design.drives.motor import Motor, Winding
 from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
 from p3dof.machine.parameters.machine import read_fields
@@ -47,8 +68,20 @@ _UNITS: Mapping[str, Quantity] = {
     **dict.fromkeys(("inertia", "coupling_inertia"), INERTIA),
     "time_constant": TIME,
     **dict.fromkeys(("lead", "diameter", "nominal_diameter", "length"), LENGTH),
+    **dict.fromkeys(("bus_voltage", "voltage_constant"), VOLTAGE),
+    **dict.fromkeys(("max_current_rms", "max_current_peak"), CURRENT),
+    **dict.fromkeys(("torque_constant_rms", "torque_constant_peak"), TORQUE_CONSTANT),
+    "resistance": RESISTANCE,
+    "inductance": INDUCTANCE,
+    "flux": FLUX,
 }
+"""Kinds of number by the names of fields, which mean one thing in all parts."""
+_WRITTEN = {MOMENT: "Nm", ROTATION: "rpm", INERTIA: "kg cm^2", LENGTH: "mm", INDUCTANCE: "mH"}
+"""In which units makers print; others are written in SI units."""
 _KINDS: Mapping[str, type[Any]] = {"motors": Motor, "screws": Screw, "belts": Belt, "gears": Gear}
+"""Lists of a catalogue."""
+_INNER: Mapping[str, type[Any]] = {"winding": Winding}
+"""Fields that are parts of their own, in other parts or in a catalogue."""
 _CURVE = (ROTATION, MOMENT, MOMENT)
 
 
@@ -107,15 +140,20 @@ def read_catalogue(path: Source) -> Catalogue:
         If the file cannot be read.
     """
     source = called(path)
+    folder = Path() if is_stream(path) else Path(path).parent  # type: ignore[arg-type]  # it is a path
     data = parse_yaml(read_text(path), source, DriveError)
+    single = [item.name for item in fields(Catalogue) if item.name in _INNER]
     try:
-        data = read_fields(data, source, ("motors",), tuple(_KINDS))
-        parts = {kind: _parts(data.get(kind, []), kind, f"{source}: {kind}") for kind in _KINDS}
+        data = read_fields(data, source, ("motors",), (*_KINDS, *single))
+        parts = {kind: _parts(data.get(kind, []), kind, folder, f"{source}: {kind}") for kind in _KINDS}
+        others = {
+            name: _part(data[name], _INNER[name], f"{source}: {name}") for name in single if name in data
+        }
     except ParameterError as error:
         raise DriveError(str(error)) from error
     try:
         gears = parts["gears"] or [Gear()]
-        found = Catalogue(parts["motors"], [*parts["screws"], *parts["belts"]], gears)
+        found = Catalogue(parts["motors"], [*parts["screws"], *parts["belts"]], gears, **others)
     except DriveError as error:
         raise DriveError(f"{source}: {error}") from error
     _doubt(found, source)
@@ -148,38 +186,52 @@ _SLUGGISH = 0.02
 """Rotor inertia by peak torque that is believed [s²]: no motor needs a second to 50 rad/s."""
 
 
-def _parts(data: Any, kind: str, where: str) -> list[Any]:
-    if not isinstance(data, list):
+def _parts(data: Any, kind: str, folder: Path, where: str) -> list[Any]:
+    """Return the parts of a list: each is an item, or the row of a table that stands for it or is an item."""
+    cls, found = _KINDS[kind], []
+    if not isinstance(data, list | Mapping):
         raise DriveError(f"{where}: expected a list, got {shown(data)}")
-    return [_part(item, _KINDS[kind], f"{where}[{k}]") for k, item in enumerate(data)]
+    for k, item in enumerate(data if isinstance(data, list) else [data]):
+        place = f"{where}[{k}]" if isinstance(data, list) else where
+        if isinstance(data, Mapping) or (isinstance(item, Mapping) and "table" in item):
+            rows = parts_of_table(item, _known(cls), _required(cls), folder, place)
+            found += [_part(row, cls, line, ("name",)) for line, row in rows]
+        else:
+            found.append(_part(item, cls, place, ("name",)))
+    return found
 
 
-def _part(data: Any, kind: type[Any], where: str) -> Any:
-    known = [field.name for field in fields(kind)]
-    required = [field.name for field in fields(kind) if field.default is field.default_factory]
-    data = read_fields(data, where, ("name", *required), known)
+def _required(cls: type[Any]) -> list[str]:
+    return [item.name for item in fields(cls) if item.default is item.default_factory]
+
+
+def _known(cls: type[Any]) -> dict[str, tuple[str, Quantity | None]]:
+    """Return the fields that a row of a table may have, with their types and kinds of number."""
+    found: dict[str, tuple[str, Quantity | None]] = {}
+    for item in fields(cls):
+        if item.name in _INNER:
+            found |= {f"{item.name}.{name}": kind for name, kind in _known(_INNER[item.name]).items()}
+        elif item.name == "curve":
+            found |= {name: ("float", unit) for name, unit in zip(CURVE, _CURVE, strict=True)}
+        else:
+            found[item.name] = (str(item.type), _UNITS.get(item.name))
+    return found
+
+
+def _part(data: Any, cls: type[Any], where: str, also: Sequence[str] = ()) -> Any:
+    """Return a part from plain data, which has the fields `also` whatever their default."""
+    data = read_fields(data, where, (*also, *_required(cls)), [item.name for item in fields(cls)])
     values: dict[str, Any] = {}
     for key, value in data.items():
         place = f"{where}: {key}"
         if key == "curve":
             values[key] = _curve(value, place)
-        elif key == "winding":
-            values[key] = _winding(value, place)
+        elif key in _INNER:
+            values[key] = _part(value, _INNER[key], place)
         else:
             values[key] = _UNITS[key].read(value, place) if key in _UNITS else value
     try:
-        return kind(**values)
-    except DriveError as error:
-        raise DriveError(f"{where}: {error}") from error
-
-
-def _winding(data: Any, where: str) -> Winding:
-    """Return a winding; its numbers are in SI units, without text."""
-    known = [field.name for field in fields(Winding)]
-    required = [field.name for field in fields(Winding) if field.default is MISSING]
-    data = read_fields(data, where, required, known)
-    try:
-        return Winding(**data)
+        return cls(**values)
     except DriveError as error:
         raise DriveError(f"{where}: {error}") from error
 
@@ -193,6 +245,89 @@ def _curve(data: Any, where: str) -> list[list[float]]:
             raise DriveError(f"{where}[{k}]: expected [speed, continuous torque, peak torque]")
         rows.append([unit.read(value, f"{where}[{k}]") for unit, value in zip(_CURVE, row, strict=True)])
     return rows
+
+
+def write_catalogue(catalogue: Catalogue, path: str | os.PathLike[str]) -> Path:
+    """Write a catalogue to a YAML file, from which the same catalogue is read to the last bit.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+        Of this module, a maker's tables read in, or your own.
+    path : path-like
+        The file, or its name before ``.yaml``.
+
+    Returns
+    -------
+    pathlib.Path
+        The path written.
+
+    Raises
+    ------
+    DriveError
+        If it is something else, or more than a file of YAML may have.
+    FileError
+        If the file cannot be written.
+    """
+    require("catalogue", catalogue, Catalogue, DriveError)
+    suffix_of(path, "parameters")
+    text = dump(catalogue)
+    parse_yaml(text, called(path), DriveError)
+    return write_atomic(path, text)
+
+
+def dump(catalogue: Catalogue) -> str:
+    """Return the text of a catalogue, in the units that makers print, without what follows from the rest."""
+    screws = [part for part in catalogue.transmissions if isinstance(part, Screw)]
+    belts = [part for part in catalogue.transmissions if isinstance(part, Belt)]
+    gears = [] if list(map(_plain, catalogue.gears)) == [_plain(Gear())] else catalogue.gears
+    lists: dict[str, Sequence[Any]] = {
+        "motors": catalogue.motors,
+        "screws": screws,
+        "belts": belts,
+        "gears": gears,
+    }
+    data: dict[str, Any] = {
+        kind: [{"name": part.name} | _plain(part) for part in parts] for kind, parts in lists.items() if parts
+    }
+    for name in _INNER:
+        if (part := vars(catalogue).get(name)) is not None:
+            data[name] = _plain(part)
+    text: str = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+    return text
+
+
+def _plain(part: Any) -> dict[str, Any]:
+    """Return the fields of a part as a file has them, but those that are the same when they are left out."""
+    values = {item.name: getattr(part, item.name) for item in fields(part)}
+    for name in [name for name in values if name not in _required(type(part))]:
+        fewer = {each: value for each, value in values.items() if each != name}
+        try:
+            bare = type(part)(**fewer)
+        except DriveError:
+            continue
+        if all(np.array_equal(getattr(bare, item.name), getattr(part, item.name)) for item in fields(part)):
+            values = fewer
+    return {name: _told(name, value) for name, value in values.items()}
+
+
+def _told(name: str, value: Any) -> Any:
+    if name in _INNER:
+        return _plain(value)
+    if name == "curve":
+        return [
+            [_number(float(number), unit) for number, unit in zip(row, _CURVE, strict=True)] for row in value
+        ]
+    return _number(value, _UNITS[name]) if name in _UNITS else value
+
+
+def _number(value: float, quantity: Quantity) -> str:
+    """Return a number with the fewest digits that are read as the same, in the unit that makers print."""
+    unit = _WRITTEN.get(quantity, quantity.unit)
+    size = quantity.read(f"1 {unit}", "")
+    texts = (f"{value / size:.{digits}g} {unit}" for digits in (6, 15, 16, 17))
+    exact = f"{value!r} {quantity.unit}"
+    return next((text for text in texts if quantity.read(text, "") == value), exact)
 
 
 def _generic() -> Catalogue:

@@ -1,0 +1,208 @@
+"""The JSON Schema of drives files, made of the classes, their units and the table of the reference.
+
+A new field of a part is a line in its class, one in `_UNITS` of the catalogue if it has a unit, and a row in
+the table of ``docs/reference/files.md``; ``python tests/drives_schema.py`` then writes the schema again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import fields
+from typing import Any
+
+from documents import ROOT
+
+from p3dof._base.errors import P3dofError
+from p3dof.design.drives import catalogue
+from p3dof.design.drives.makers import ENCODINGS, FIELDS, SEPARATORS
+from p3dof.design.drives.motor import MEASURED, Motor, Winding
+from p3dof.design.drives.transmission import ENDS, Belt, Gear, Screw
+
+PAGE = ROOT / "docs/reference/files.md"
+PATH = ROOT / "docs/reference/drives.schema.json"
+LEAST: dict[type[Any], dict[str, Any]] = {
+    Motor: {"name": "a", "rated_torque": 1, "peak_torque": 2, "max_speed": 100, "inertia": 1e-4},
+    Winding: {
+        "bus_voltage": 320, "pole_pairs": 4, "resistance": 1, "inductance": 8e-3, "measured": "phase",
+        "flux": 0.1, "max_current_rms": 8,
+    },
+    Screw: {"name": "a", "lead": 0.01, "inertia": 1e-5},
+    Belt: {"name": "a", "diameter": 0.04},
+    Gear: {"name": "a"},
+}  # fmt: skip
+"""Of each class fields that are taken; one more class needs its own."""
+CHOICES = {"ends": ENDS, "measured": MEASURED}
+RULES: dict[type[Any], dict[str, Any]] = {
+    Screw: {"anyOf": [{"required": ["inertia"]}, {"required": ["diameter", "length"]}]},
+    Winding: {
+        "allOf": [
+            {"oneOf": [{"required": [name]} for name in names]}
+            for names in (
+                ("flux", "torque_constant_rms", "torque_constant_peak", "voltage_constant"),
+                ("max_current_rms", "max_current_peak"),
+            )
+        ]
+    },
+}
+"""What fields have to do with each other."""
+_JSON = {"str": "string", "bool": "boolean"}
+_DIGITS = r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+_POINTS = {"number": {}, "fromZero": {"minimum": 0}, "positive": {"exclusiveMinimum": 0}}
+_BELOW = {
+    "fromZero": r"^\s*-(?!\s*(0+\.?0*|\.0+)([eE][^ ]*)?\s*([^\d.eE].*)?$)",
+    "positive": r"^\s*-|^\s*[+-]?(0+\.?0*|\.0+)([eE][^ ]*)?\s*([^\d.eE].*)?$",
+}
+
+
+def rows() -> dict[str, tuple[str, str, str]]:
+    """Return meaning, unit and default of each field, as the reference says."""
+    text = PAGE.read_text(encoding="utf-8").partition("## Drives file")[2].partition("\n## ")[0]
+    cells = [re.split(r"(?<!\\) ?\| ?", line)[1:5] for line in text.partition("###")[0].splitlines()]
+    return {row[0].strip("` "): (row[1], row[2], row[3]) for row in cells if row and row[0].startswith("`")}
+
+
+def takes(cls: type[Any], name: str, value: Any) -> bool:
+    """Return whether a part with this field is taken by the reader."""
+    try:
+        catalogue._part({**LEAST[cls], name: value}, cls, "x", [n for n in ("name",) if n in LEAST[cls]])
+    except P3dofError:
+        return False
+    return True
+
+
+def least(cls: type[Any], name: str) -> str:
+    """Return which of the three kinds of number a field is, by what the reader takes."""
+    return "number" if takes(cls, name, -1) else "fromZero" if takes(cls, name, 0) else "positive"
+
+
+def form(cls: type[Any], item: Any) -> dict[str, Any]:
+    """Return what may stand in a field."""
+    kind, name = str(item.type), item.name
+    if name == "curve":
+        point = [{"$ref": "#/$defs/fromZero"}] * 3
+        return {"type": "array", "minItems": 2, "maxItems": 1000, "items": {
+            "type": "array", "prefixItems": point, "minItems": 3, "maxItems": 3}}  # fmt: skip
+    if name in catalogue._INNER:
+        return {"$ref": f"#/$defs/{name}"}
+    if kind in ("str", "bool"):
+        return {"enum": list(CHOICES[name])} if name in CHOICES else {"type": _JSON[kind]}
+    assert kind in ("int", "float", "float | None"), f"{cls.__name__}.{name}: say here what form {kind} has"
+    if name in catalogue._UNITS:
+        return {"$ref": f"#/$defs/{least(cls, name)}"}
+    if takes(cls, name, "50 %"):
+        return {"$ref": f"#/$defs/share{'FromZero' if takes(cls, name, 0) else ''}"}
+    return {"type": "integer" if kind == "int" else "number", **_POINTS[least(cls, name)]}
+
+
+def part(cls: type[Any], place: str, named: bool) -> dict[str, Any]:
+    """Return the schema of a part."""
+    told = rows()
+    properties, required = {}, ["name"] if named else []
+    for item in fields(cls):
+        meaning, unit, default = told[f"{place}.{item.name}"]
+        told_unit = f" [{unit}]" if unit not in ("", "1") else ""
+        properties[item.name] = {
+            "description": f"{meaning[0].upper()}{meaning[1:]}{told_unit}.".replace("`", "")
+        }
+        properties[item.name] |= form(cls, item)
+        if isinstance(item.default, bool | int | float | str) and item.default != float("inf"):
+            properties[item.name] |= {"default": item.default} if item.name != "name" else {}
+        if item.default is item.default_factory:
+            required.append(item.name)
+        assert (default == "required") == (item.name in required), f"{place}.{item.name}: {default}"
+    return {
+        "type": "object", "required": required, "additionalProperties": False, "properties": properties,
+        **RULES.get(cls, {}),
+    }  # fmt: skip
+
+
+def listed(kind: str) -> dict[str, Any]:
+    """Return a list of parts, or a table in its place."""
+    one = {"$ref": f"#/$defs/{kind.removesuffix('s')}"}
+    table = {"$ref": "#/$defs/table"}
+    items = {"if": {"required": ["table"]}, "then": table, "else": one}
+    least = {"minItems": 1} if kind == "motors" else {}
+    return {
+        "description": rows()[kind][0].capitalize().replace("`", ""),
+        "if": {"type": "array"}, "then": {"type": "array", "items": items, **least}, "else": table,
+    }  # fmt: skip
+
+
+def table() -> dict[str, Any]:
+    """Return the schema of a maker's table."""
+    line = {"type": "integer", "minimum": 1}
+    a_field = {"type": "string"}
+    found = {
+        "table": {"description": "A CSV file, seen from the folder of this one.", "type": "string"},
+        "columns": {
+            "description": "Column, or its number: the field, with the unit of its numbers in brackets.",
+            "type": "object",
+            "minProperties": 1,
+            "additionalProperties": {"anyOf": [a_field, {"type": "array", "items": a_field}]},
+        },
+        "encoding": {"enum": list(ENCODINGS), "default": "utf-8"},
+        "separator": {"enum": list(SEPARATORS), "default": ","},
+        "decimal": {"enum": [".", ","], "default": "."},
+        "thousands": {"enum": ["", ".", ",", "'", "’", " "], "default": ""},
+        "header": {"description": "Line with the names of the columns.", **line},
+        "first": {"description": "Line of the first row.", **line},
+        "constant": {"description": "Fields of all rows.", "type": "object"},
+    }
+    assert set(found) == set(FIELDS)
+    return {
+        "description": "Parts from a maker's table.", "type": "object", "required": ["table", "columns"],
+        "additionalProperties": False, "properties": found,
+    }  # fmt: skip
+
+
+def schema() -> dict[str, Any]:
+    """Return the whole schema."""
+    unit = rf"^\s*[+-]?{_DIGITS}\s*([A-Za-zµ°Ω][A-Za-zµ°Ω0-9²³^/*· -]*)?\s*$"
+    number = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": unit}]}
+    defs: dict[str, Any] = {
+        "number": {"description": "In SI units; or text with a unit, such as '120 mm'.", **number}
+    }
+    for name in ("fromZero", "positive"):
+        below = {"type": "string", "pattern": _BELOW[name]}
+        defs[name] = {"allOf": [{"$ref": "#/$defs/number"}], **_POINTS[name], "not": below}
+    percent = {"type": "string", "pattern": rf"^\s*\+?{_DIGITS}\s*%?\s*$"}
+    for name, bound in (("share", "positive"), ("shareFromZero", "fromZero")):
+        known = {"type": "number", "maximum": 1, **_POINTS[bound]}
+        defs[name] = {"description": "A number up to 1, or text in percent.", "anyOf": [known, percent]}
+    kinds = catalogue._KINDS
+    for kind, cls in kinds.items():
+        defs[kind.removesuffix("s")] = part(cls, f"{kind}[]", named=True)
+    for name, cls in catalogue._INNER.items():
+        place = next(path for path in rows() if path.rpartition(".")[2] == name)
+        defs[name] = part(cls, place, named=False)
+    defs["table"] = table()
+    single = [
+        name for name in catalogue._INNER if name in vars(catalogue.Catalogue).get("__dataclass_fields__")
+    ]
+    properties = {kind: listed(kind) for kind in kinds}
+    properties |= {name: {"$ref": f"#/$defs/{name}"} for name in single}
+    some = [
+        {"required": [kind], "properties": {kind: {"anyOf": [{"type": "object"}, {"minItems": 1}]}}}
+        for kind in ("screws", "belts")
+    ]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "p3dof drives file",
+        "description": "Motors, gears, screws and belts to choose from. SI units, or a unit with the number.",
+        "type": "object",
+        "required": ["motors"],
+        "additionalProperties": False,
+        "properties": properties,
+        "anyOf": some,
+        "$defs": defs,
+    }
+
+
+def text() -> str:
+    """Return the text of the schema."""
+    return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    PATH.write_text(text(), encoding="utf-8")
