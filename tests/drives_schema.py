@@ -16,6 +16,7 @@ from documents import ROOT
 from p3dof._base.errors import P3dofError
 from p3dof.design.drives import catalogue
 from p3dof.design.drives.makers import ENCODINGS, FIELDS, SEPARATORS
+from p3dof.design.drives.margins import Ambient, Margins
 from p3dof.design.drives.motor import MEASURED, Motor, Winding
 from p3dof.design.drives.transmission import ENDS, Belt, Gear, Screw
 
@@ -30,6 +31,8 @@ LEAST: dict[type[Any], dict[str, Any]] = {
     Screw: {"name": "a", "lead": 0.01, "inertia": 1e-5},
     Belt: {"name": "a", "diameter": 0.04},
     Gear: {"name": "a"},
+    Margins: {},
+    Ambient: {},
 }  # fmt: skip
 """Of each class fields that are taken; one more class needs its own."""
 CHOICES = {"ends": ENDS, "measured": MEASURED}
@@ -76,19 +79,27 @@ def least(cls: type[Any], name: str) -> str:
     return "number" if takes(cls, name, -1) else "fromZero" if takes(cls, name, 0) else "positive"
 
 
-def form(cls: type[Any], item: Any) -> dict[str, Any]:
+def form(cls: type[Any], item: Any) -> dict[str, Any]:  # noqa: PLR0911  # a line for each kind of field
     """Return what may stand in a field."""
     kind, name = str(item.type), item.name
     if name == "curve":
         point = [{"$ref": "#/$defs/fromZero"}] * 3
         return {"type": "array", "minItems": 2, "maxItems": 1000, "items": {
             "type": "array", "prefixItems": point, "minItems": 3, "maxItems": 3}}  # fmt: skip
+    if name in catalogue._PAIRS:
+        pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        return {"type": "array", "minItems": 1, "items": pair}
     if name in catalogue._INNER:
         return {"$ref": f"#/$defs/{name}"}
     if kind in ("str", "bool"):
         return {"enum": list(CHOICES[name])} if name in CHOICES else {"type": _JSON[kind]}
+    if name in ("temperature", "rated_ambient"):
+        degrees = {"type": "string", "pattern": r"^\s*[+-]?\d+\.?\d*\s*(°C|degC)?\s*$"}
+        return {"anyOf": [{"type": "number", "minimum": -60, "maximum": 150}, degrees]}
+    if takes(cls, name, "50 %") and not takes(cls, name, 1):
+        return {"$ref": "#/$defs/margin"}
     assert kind in ("int", "float", "float | None"), f"{cls.__name__}.{name}: say here what form {kind} has"
-    if name in catalogue._UNITS:
+    if catalogue.unit_of(cls, name) is not None:
         return {"$ref": f"#/$defs/{least(cls, name)}"}
     if takes(cls, name, "50 %"):
         return {"$ref": f"#/$defs/share{'FromZero' if takes(cls, name, 0) else ''}"}
@@ -170,6 +181,8 @@ def schema() -> dict[str, Any]:
     for name, bound in (("share", "positive"), ("shareFromZero", "fromZero")):
         known = {"type": "number", "maximum": 1, **_POINTS[bound]}
         defs[name] = {"description": "A number up to 1, or text in percent.", "anyOf": [known, percent]}
+    below = {"type": "number", "minimum": 0, "exclusiveMaximum": 1}
+    defs["margin"] = {"description": "A share below 1, or text in percent.", "anyOf": [below, percent]}
     kinds = catalogue._KINDS
     for kind, cls in kinds.items():
         defs[kind.removesuffix("s")] = part(cls, f"{kind}[]", named=True)

@@ -27,6 +27,7 @@ from p3dof.design.bearings import BearingReport, Bearings, bearing_life
 from p3dof.design.drives import (
     VERDICTS,
     Ambient,
+    Catalogue,
     Cycle,
     Drive,
     Margins,
@@ -438,7 +439,7 @@ def assess(
     if loads is not None and bearings is not None:
         report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
-    place = Ambient() if ambient is None else ambient
+    place = ambient or (drives.ambient if isinstance(drives, Catalogue) else Ambient())
     return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits, place)
 
 

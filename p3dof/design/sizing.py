@@ -9,7 +9,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DriveError, InputError
-from p3dof.design.drives import VERDICTS, Ambient, Drive, Margins, Sizing, cycle_of, size_of
+from p3dof.design.drives import VERDICTS, Ambient, Catalogue, Drive, Margins, Sizing, cycle_of, size_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.machine.motion import Motion
@@ -54,9 +54,9 @@ def size_drives(
     brake_safety : float
         How much more a brake must hold than what it bears.
     margins : Margins, optional
-        What of each rating must stay free; the usual ones without it.
+        What of each rating must stay free; those of a `Catalogue`, or the usual ones, without it.
     ambient : Ambient, optional
-        Where the motors work; up to 40 °C and 1000 m without it.
+        Where the motors work; that of a `Catalogue`, or up to 40 °C and 1000 m, without it.
     progress : callable, optional
         Called with (done, total) drives.
 
@@ -76,6 +76,8 @@ def size_drives(
             "found: the forces have losses of screws (screw of the load friction), and drives have "
             "efficiencies of their own: leave one of them out"
         )
+    if isinstance(drives, Catalogue):
+        margins, ambient = margins or drives.margins, ambient or drives.ambient
     chosen = [drives] if isinstance(drives, Drive) else list(drives)
     if not chosen:
         raise DriveError("drives: expected at least one, got none")

@@ -29,7 +29,7 @@ from p3dof.design.drives import (
     read_catalogue,
     write_catalogue,
 )
-from p3dof.design.drives.catalogue import _INNER, _KINDS, _UNITS, dump
+from p3dof.design.drives.catalogue import _INNER, _KINDS, _PAIRS, _UNITS, dump, unit_of
 from p3dof.design.drives.makers import ENCODINGS
 
 RPM = math.pi / 30
@@ -89,13 +89,13 @@ def same(one, other):
 
     def bits(part):
         return [
-            np.asarray(value).tolist() if item.name == "curve" else value
+            np.asarray(value).tolist() if item.name in ("curve", *_PAIRS) else value
             for item in fields(part)
             for value in [getattr(part, item.name)]
         ]
 
     lists = ("motors", "transmissions", "gears")
-    return all(
+    return (one.margins, one.ambient) == (other.margins, other.ambient) and all(
         [(type(a), bits(a)) for a in getattr(one, name)] == [(type(b), bits(b)) for b in getattr(other, name)]
         for name in lists
     )
@@ -113,16 +113,19 @@ def test_the_reference_has_every_field_with_its_unit_and_its_default():
     expected = set(_KINDS)
     for kind, cls in _KINDS.items():
         expected |= {f"{kind}[].{item.name}" for item in fields(cls)}
+    single = {"margins", "ambient"}  # of the whole catalogue
+    expected |= single
     for inner, cls in _INNER.items():
-        place = next(path for path in expected if path.endswith(f".{inner}"))
+        place = next(path for path in expected if inner in (path, path.rpartition(".")[2]))
         expected |= {f"{place}.{item.name}" for item in fields(cls)}
     assert set(rows()) == expected, f"a field is a row in {PAGE.name}"
     written = {"kg m^2": "kg m²"}
     for path, (_, unit, default) in rows().items():
         name = path.rpartition(".")[2]
-        if name in _UNITS and name != "curve":
+        if name in _UNITS and name != "curve" and not path.startswith("margins."):
             assert unit == written.get(_UNITS[name].unit, _UNITS[name].unit), path
         kinds = {**{f"{kind}[]": cls for kind, cls in _KINDS.items()}, "motors[].winding": Winding}
+        kinds |= {name: _INNER[name] for name in single}
         cls = kinds.get(path.rpartition(".")[0])
         known = {} if cls is None else {item.name: item.default for item in fields(cls)}
         if isinstance(known.get(name), bool):
@@ -139,6 +142,13 @@ ACCEPTED = [
     changed(FULL, "motors.0.winding.torque_constant_rms", "0.594 Nm/A"),
     changed(changed(FULL, "screws.0.efficiency", "95%"), "screws.0.efficiency_back", 0),
     changed(FULL, "gears", []),
+    {
+        **FULL,
+        "margins": {"speed": "30 %", "DN": 0.1},
+        "ambient": {"temperature": "45 °C", "altitude": "1.2 km"},
+    },
+    {**FULL, "ambient": {"temperature": 45}, "margins": {}},
+    changed(FULL, "motors.0.derating_temperature", [[40, 1], [60, 0.8]]),
 ]
 REFUSED = [
     [],
@@ -170,6 +180,12 @@ REFUSED = [
     changed(FULL, "belts.0.diameter", MISSING),
     changed(FULL, "gears.0.ratio", "3"),
     changed(FULL, "tasks", []),
+    {**FULL, "margins": {"speed": 1}},
+    {**FULL, "margins": {"spede": 0.1}},
+    {**FULL, "margins": [0.2]},
+    {**FULL, "ambient": {"temperature": "45 K"}},
+    {**FULL, "ambient": {"temperature": 318.15}},
+    changed(FULL, "motors.0.derating_altitude", [[1000, 1, 1]]),
     changed(FULL, "motors", {**TABLE, "separator": "/"}),
     changed(FULL, "motors", {**TABLE, "columns": {}}),
     changed(FULL, "motors", {"table": "motors.csv"}),
@@ -210,7 +226,7 @@ def test_schema_and_program_take_the_same_of_every_field(kind, tmp_path):
                     "winding": part,
                 }
             else:
-                data = {**FULL, kind: [part]}
+                data = {**FULL, kind: part if kind in _INNER else [part]}
             try:
                 read(data, tmp_path)
                 taken = True
@@ -256,7 +272,7 @@ FIELDS_WITH_UNITS = [
     (cls, item.name)
     for cls in (*_KINDS.values(), *_INNER.values())
     for item in fields(cls)
-    if item.name in _UNITS
+    if unit_of(cls, item.name)
 ]
 
 

@@ -245,6 +245,19 @@ def test_the_assessment_tells_margins_place_and_what_is_assumed():
     assert any(one.startswith("without reserve: speed of C 95%") for one in tight.warnings)
 
 
+def test_margins_and_place_of_a_catalogue_count_unless_others_are_given():
+    robot = p3dof.load()
+    result = robot.inverse_dynamics(p3dof.paper_motion(101), method="compiled")
+    given = Catalogue([M400], [SCREWS[10]], margins=Margins(speed=0.45), ambient=Ambient(50, 2200))
+    (sizing,) = p3dof.size_drives(robot, result, given)
+    assert {one.margin for one in sizing.axes[0].ratings if one.name == "speed"} == {0.45}
+    assert sizing.axes[0].heat_share == M400.heat_share(Ambient(50, 2200))
+    assert p3dof.assess(robot, result, drives=given).ambient == Ambient(50, 2200)
+    (other,) = p3dof.size_drives(robot, result, given, margins=Margins(), ambient=Ambient())
+    assert {one.margin for one in other.axes[0].ratings if one.name == "speed"} == {0.2}
+    assert other.axes[0].heat_share == 1
+
+
 # --- bad input --------------------------------------------------------------------------------------------
 
 

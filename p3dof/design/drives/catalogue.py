@@ -30,7 +30,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,7 @@ from p3dof._base.quantities import (
     Quantity,
 )
 from p3dof.design.drives.makers import CURVE, parts_of_table
+from p3dof.design.drives.margins import Ambient, Margins
 from p3dof.design.drives.motor import Motor, Winding
 from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
 from p3dof.machine.parameters.machine import read_fields
@@ -67,7 +68,7 @@ _UNITS: Mapping[str, Quantity] = {
     **dict.fromkeys(("max_speed", "rated_speed"), ROTATION),
     **dict.fromkeys(("inertia", "coupling_inertia"), INERTIA),
     "time_constant": TIME,
-    **dict.fromkeys(("lead", "diameter", "nominal_diameter", "length"), LENGTH),
+    **dict.fromkeys(("lead", "diameter", "nominal_diameter", "length", "altitude"), LENGTH),
     **dict.fromkeys(("bus_voltage", "voltage_constant"), VOLTAGE),
     **dict.fromkeys(("max_current_rms", "max_current_peak"), CURRENT),
     **dict.fromkeys(("torque_constant_rms", "torque_constant_peak"), TORQUE_CONSTANT),
@@ -80,9 +81,10 @@ _WRITTEN = {MOMENT: "Nm", ROTATION: "rpm", INERTIA: "kg cm^2", LENGTH: "mm", IND
 """In which units makers print; others are written in SI units."""
 _KINDS: Mapping[str, type[Any]] = {"motors": Motor, "screws": Screw, "belts": Belt, "gears": Gear}
 """Lists of a catalogue."""
-_INNER: Mapping[str, type[Any]] = {"winding": Winding}
+_INNER: Mapping[str, type[Any]] = {"winding": Winding, "margins": Margins, "ambient": Ambient}
 """Fields that are parts of their own, in other parts or in a catalogue."""
 _CURVE = (ROTATION, MOMENT, MOMENT)
+_PAIRS = ("derating_temperature", "derating_altitude")  # rows of numbers, which no table of a maker has
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +94,8 @@ class Catalogue(Readable):
     motors: Sequence[Motor]  # at least one
     transmissions: Sequence[Screw | Belt]  # at least one
     gears: Sequence[Gear] = (Gear(),)  # at least one; none but the direct one by default
+    margins: Margins = field(default_factory=Margins)  # what of each rating must stay free
+    ambient: Ambient = field(default_factory=Ambient)  # where motors work
 
     def __post_init__(self) -> None:
         kinds: tuple[tuple[str, type[Any] | tuple[type[Any], ...]], ...] = (
@@ -99,18 +103,20 @@ class Catalogue(Readable):
             ("transmissions", (Screw, Belt)),
             ("gears", Gear),
         )
-        for field, kind in kinds:
-            parts = tuple(getattr(self, field))
+        require("margins", self.margins, Margins, DriveError)
+        require("ambient", self.ambient, Ambient, DriveError)
+        for what, kind in kinds:
+            parts = tuple(getattr(self, what))
             if not parts:
-                raise DriveError(f"catalogue: expected at least one of the {field}, got none")
+                raise DriveError(f"catalogue: expected at least one of the {what}, got none")
             for part in parts:
                 if not isinstance(part, kind):
-                    raise DriveError(f"catalogue: {field}: got {shown(part)}")
+                    raise DriveError(f"catalogue: {what}: got {shown(part)}")
             names = [part.name for part in parts]
             twice = [name for name in names if names.count(name) > 1]
             if twice:
-                raise DriveError(f"catalogue: {field}: the name {twice[0]!r} is given twice")
-            object.__setattr__(self, field, parts)
+                raise DriveError(f"catalogue: {what}: the name {twice[0]!r} is given twice")
+            object.__setattr__(self, what, parts)
         if len(self) > _MOST:
             raise DriveError(f"catalogue: expected at most {_MOST} drives, got {len(self)}")
 
@@ -205,16 +211,23 @@ def _required(cls: type[Any]) -> list[str]:
     return [item.name for item in fields(cls) if item.default is item.default_factory]
 
 
+def unit_of(cls: type[Any], name: str) -> Quantity | None:
+    """Return what kind of number a field of a part is; None without a unit, as all margins."""
+    return None if cls is Margins else _UNITS.get(name)
+
+
 def _known(cls: type[Any]) -> dict[str, tuple[str, Quantity | None]]:
     """Return the fields that a row of a table may have, with their types and kinds of number."""
     found: dict[str, tuple[str, Quantity | None]] = {}
     for item in fields(cls):
         if item.name in _INNER:
             found |= {f"{item.name}.{name}": kind for name, kind in _known(_INNER[item.name]).items()}
+        elif item.name in _PAIRS:
+            continue
         elif item.name == "curve":
             found |= {name: ("float", unit) for name, unit in zip(CURVE, _CURVE, strict=True)}
         else:
-            found[item.name] = (str(item.type), _UNITS.get(item.name))
+            found[item.name] = (str(item.type), unit_of(cls, item.name))
     return found
 
 
@@ -229,7 +242,8 @@ def _part(data: Any, cls: type[Any], where: str, also: Sequence[str] = ()) -> An
         elif key in _INNER:
             values[key] = _part(value, _INNER[key], place)
         else:
-            values[key] = _UNITS[key].read(value, place) if key in _UNITS else value
+            unit = unit_of(cls, key)
+            values[key] = value if unit is None else unit.read(value, place)
     try:
         return cls(**values)
     except DriveError as error:
@@ -290,9 +304,9 @@ def dump(catalogue: Catalogue) -> str:
     data: dict[str, Any] = {
         kind: [{"name": part.name} | _plain(part) for part in parts] for kind, parts in lists.items() if parts
     }
-    for name in _INNER:
-        if (part := vars(catalogue).get(name)) is not None:
-            data[name] = _plain(part)
+    for name in ("margins", "ambient"):
+        if plain := _plain(getattr(catalogue, name)):
+            data[name] = plain
     text: str = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
     return text
 
@@ -308,17 +322,20 @@ def _plain(part: Any) -> dict[str, Any]:
             continue
         if all(np.array_equal(getattr(bare, item.name), getattr(part, item.name)) for item in fields(part)):
             values = fewer
-    return {name: _told(name, value) for name, value in values.items()}
+    return {name: _told(type(part), name, value) for name, value in values.items()}
 
 
-def _told(name: str, value: Any) -> Any:
+def _told(cls: type[Any], name: str, value: Any) -> Any:
     if name in _INNER:
         return _plain(value)
+    if name in _PAIRS:
+        return np.asarray(value).tolist()
     if name == "curve":
         return [
             [_number(float(number), unit) for number, unit in zip(row, _CURVE, strict=True)] for row in value
         ]
-    return _number(value, _UNITS[name]) if name in _UNITS else value
+    unit = unit_of(cls, name)
+    return value if unit is None else _number(value, unit)
 
 
 def _number(value: float, quantity: Quantity) -> str:

@@ -123,8 +123,8 @@ class Ambient(Readable):
 
     Parameters
     ----------
-    temperature : float
-        Of the air about them [°C].
+    temperature : float or str
+        Of the air about them [°C]; a text may say so, ``"45 °C"`` or ``"45 degC"``.
     altitude : float
         Above the sea [m].
 
@@ -139,7 +139,10 @@ class Ambient(Readable):
 
     def __post_init__(self) -> None:
         for name, low, high, unit in (("temperature", -60, 150, "°C"), ("altitude", -500, 9000, "m")):
-            number = float(frozen_array(f"ambient: {name}", getattr(self, name), (), DriveError))
+            given = getattr(self, name)
+            if isinstance(given, str) and name == "temperature":
+                given = _degrees(given)
+            number = float(frozen_array(f"ambient: {name}", given, (), DriveError))
             if not low <= number <= high:
                 raise DriveError(f"ambient: {name}: expected {low} to {high} {unit}, got {number:g} {unit}")
             object.__setattr__(self, name, number)
@@ -165,6 +168,17 @@ class Ambient(Readable):
         if self.altitude <= _HIGH:
             return ()
         return (f"voltages at {self.altitude:g} m: above {_HIGH:g} m makers derate them, see their tables",)
+
+
+def _degrees(given: str) -> float:
+    """Return a temperature in °C."""
+    for unit in ("°C", "degC", ""):
+        if given.rstrip().endswith(unit):
+            try:
+                return float(given.rstrip().removesuffix(unit))
+            except ValueError:
+                break
+    raise DriveError(f"ambient: temperature: expected a number in °C such as '45 °C', got {shown(given)}")
 
 
 def table_share(table: Sequence[Sequence[float]], value: float) -> float:

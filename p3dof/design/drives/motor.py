@@ -255,7 +255,7 @@ class Motor(Readable):
         if self.time_constant is not None:
             set_(self, "time_constant", above_zero(f"{where}: time_constant", self.time_constant))
         set_(self, "temperature_rise", above_zero(f"{where}: temperature_rise", self.temperature_rise))
-        Ambient(self.rated_ambient)
+        set_(self, "rated_ambient", Ambient(self.rated_ambient).temperature)
         for field in ("derating_temperature", "derating_altitude"):
             set_(self, field, _shares(f"{where}: {field}", getattr(self, field)))
         for field in ("max_inertia_ratio", "max_power", "max_braking_power"):
