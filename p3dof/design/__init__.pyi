@@ -5,6 +5,7 @@ from . import (
     assessment,
     balance,
     bearings,
+    clearance,
     design_comparison,
     drives,
     fastest,
@@ -20,16 +21,28 @@ from .tasks import AxisLimits, FastestPlan, LimitUse, Plan
 from .assessment import Assessment, RatingUse
 from .balance import BestBalance, best_balance
 from .fastest import BestPath, best_path
+from .clearance import (
+    Approach,
+    Clearance,
+    CollisionShape,
+    Surroundings,
+    clearance_of,
+    clearance_over,
+    read_surroundings,
+)
 from .design_comparison import DesignComparison, DesignMeasure
 from .forces_of_tasks import TaskForces, forces_of_task, reactions_of_task
 from .fastest import fastest_plan
 from .optimisation import DesignProblem, Front, Optimum
 
 __all__ = [
+    "Approach",
     "Assessment",
     "AxisLimits",
     "BestBalance",
     "BestPath",
+    "Clearance",
+    "CollisionShape",
     "DesignComparison",
     "DesignMeasure",
     "DesignProblem",
@@ -39,12 +52,16 @@ __all__ = [
     "Optimum",
     "Plan",
     "RatingUse",
+    "Surroundings",
     "TaskForces",
     "assessment",
     "balance",
     "bearings",
     "best_balance",
     "best_path",
+    "clearance",
+    "clearance_of",
+    "clearance_over",
     "design_comparison",
     "drives",
     "fastest",
@@ -53,6 +70,7 @@ __all__ = [
     "forces_of_tasks",
     "optimisation",
     "reactions_of_task",
+    "read_surroundings",
     "sizing",
     "sweeps",
     "tasks",
