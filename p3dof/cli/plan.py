@@ -17,6 +17,8 @@ from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, sour
 from p3dof.cli.kinds import DURATION, FIGURE, Amount, Number, Whole, as_one
 from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain, print_written, progress_bar, show
+from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
+from p3dof.design.clearance import clearance_of, clearance_table
 from p3dof.design.fastest import (
     MOST_NODES,
     NODES,
@@ -60,6 +62,8 @@ _OPTIONS = (
         type=OutputFile("table"),
         help="File to write forces, power and payload over the task to (CSV).",
     ),
+    SURROUNDINGS,
+    CLEARANCE,
     FIGURE,
 )
 
@@ -75,6 +79,8 @@ class _Asked:
     out: Path | None
     wrench_out: Path | None
     forces_out: Path | None
+    surroundings: Path | None
+    clearance: float | None  # least distance of all parts [m]
     figure: Path | None
     task_out: Path | None = None
     better_path: bool = False
@@ -84,7 +90,7 @@ class _Asked:
         if self.task_out is not None and not self.better_path:
             raise InputError("--task-out: expected with --best-path only")
         outputs = self.out, self.wrench_out, self.forces_out, self.figure, self.task_out
-        protect((self.task_file, self.parameters), outputs)
+        protect((self.task_file, self.parameters, self.surroundings), outputs)
         task, robot = read_task(source(self.task_file)), machine_of(self.parameters)
         if self.wrench_out is not None and not any(waypoint.wrench.any() for waypoint in task.waypoints):
             raise InputError("--wrench-out: there is no external load in this task")
@@ -117,7 +123,14 @@ class _Asked:
             tables.append(limits_table(planned))
         if isinstance(made, BestPath):
             tables.append(best_path_table(made))
+        near = None
+        if self.surroundings is not None or self.clearance is not None:
+            around = surroundings_in(self.surroundings)
+            near = clearance_of(robot, found, around, required=self.clearance or 0.0)
+            tables.append(clearance_table(near))
         show(console, *tables, notes=True)
+        if near is not None:
+            print_plain(console, near.verdict)
         if not task.closed:
             print_plain(console, "the last pose of the task is not its first: it cannot be repeated")
         print_written(console, written)
@@ -127,7 +140,8 @@ class _Asked:
                 f"{out} has no payloads: commands that read it as --motion omit them; those that read the "
                 "task include them (report, size, balance, reactions --task, bearings --task)",
             )
-        return 0 if within_limits(found, machine, own) else 1
+        kept = within_limits(found, machine, own) and (near is None or near.fits)
+        return 0 if kept else 1
 
 
 _with_task = as_one("asked", _Asked, *_OPTIONS)
@@ -140,8 +154,8 @@ def plan(asked: _Asked, duration: float | None) -> int:
     """Plan the motion of a task file: from stop to stop, with blends, dwells, payloads and external loads.
 
     The tables list peak force, speed and power of each segment, and the utilisation of the tighter limits of
-    machine and task, with time and place. Exit code 1 when a limit is exceeded, or the machine cannot perform
-    the motion.
+    machine and task, with time and place. Exit code 1 when a limit is exceeded, parts are nearer to each
+    other than --clearance, or the machine cannot perform the motion.
     """
     task, robot = asked.opened()
     return asked.told(task, robot, task.plan(duration, asked.samples))

@@ -26,8 +26,9 @@ from p3dof.cli.kinds import FIGURE, Whole
 from p3dof.cli.machine import PARAMETERS, actuator_options, any_size, driven, machine_of, payloads_in_words
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.cli.reactions import JOINTS
-from p3dof.cli.work import SAMPLES, Work, task_named, with_work
+from p3dof.cli.work import CLEARANCE, SAMPLES, SURROUNDINGS, Work, surroundings_in, task_named, with_work
 from p3dof.design.bearings import read_bearings
+from p3dof.design.clearance import clearance_of
 from p3dof.design.design_comparison import (
     DesignComparison,
     compare_designs,
@@ -53,6 +54,8 @@ _LARGEST_FILE = 50_000_000
 @JOINTS
 @STIFFNESS
 @with_work
+@SURROUNDINGS
+@CLEARANCE
 @click.option(
     "--out",
     type=OutputFile("report"),
@@ -72,6 +75,8 @@ def report(
     title: str | None,
     page: bool,
     work: Work,
+    surroundings: Path | None,
+    clearance: float | None,
 ) -> int:
     """Write a report in one file, HTML or PDF (needs the extra 'report').
 
@@ -82,13 +87,30 @@ def report(
     Exit code 1 when the machine cannot perform the motion, or does not fit.
     """
     case.protect(out)
-    work.protect(task_file, (case.parameters, case.motion_file, case.wrench_file, stiffness), (out,))
-    told = _Told(out, title, page, _command(case, task_file, work, joints, stiffness, out, title, page))
-    if task_file is not None or work.asks:
+    work.protect(
+        task_file, (case.parameters, case.motion_file, case.wrench_file, stiffness, surroundings), (out,)
+    )
+    apart = _Apart(surroundings, clearance)
+    told = _Told(
+        out, title, page, _command(case, task_file, work, joints, stiffness, apart, out, title, page)
+    )
+    if task_file is not None or work.asks or apart.asks:
         if joints != ALL:
             raise click.UsageError("--joint-model: parts are checked against the loads of elastic joints")
-        return _assessed(case, task_file, work, stiffness, told)
+        return _assessed(case, task_file, work, stiffness, apart, told)
     return _of_motion(case, joints, stiffness, told)
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """What stands around a machine, and the distance that parts must keep [m], as the options name them."""
+
+    surroundings: Path | None
+    clearance: float | None
+
+    @property
+    def asks(self) -> bool:
+        return self.surroundings is not None or self.clearance is not None
 
 
 @dataclass(frozen=True)
@@ -105,7 +127,9 @@ class _Told:
         return suffix_of(self.out, "report") == ".pdf"
 
 
-def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | None, told: _Told) -> int:
+def _assessed(
+    case: Case, task_file: Path | None, work: Work, stiffness: Path | None, apart: _Apart, told: _Told
+) -> int:
     """Write the report on a machine and what it has to do."""
     from p3dof import report as pages
 
@@ -132,7 +156,11 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
         task = task_named(task_file)
         found = work.forces(robot, task, given, case.samples)
         limits = limits_of(robot, task) if task.limits else None
-    result = work.assessed(robot, found, given, told.title or "", limits)
+    near = None
+    if apart.asks:
+        around = surroundings_in(apart.surroundings)
+        near = clearance_of(robot, found, around, required=apart.clearance or 0.0)
+    result = work.assessed(robot, found, given, told.title or "", limits, near)
     page = pages.moving_page(result) if told.page else None
     picture = None
     if told.printed and page is not None:
@@ -141,7 +169,7 @@ def _assessed(case: Case, task_file: Path | None, work: Work, stiffness: Path | 
         time = result.worst.time
         picture = screenshot(page, 0.0 if math.isnan(time) else time)
     files = {"task": task_file, "drives": work.drives, "bearings": work.bearings, "stiffness": stiffness}
-    files["load friction"] = work.load_friction
+    files |= {"load friction": work.load_friction, "surroundings": apart.surroundings}
     path = pages.write_assessment(
         told.out,
         result,
@@ -245,6 +273,7 @@ def _command(
     work: Work,
     joints: Choice,
     stiffness: Path | None,
+    apart: _Apart,
     out: Path,
     title: str | None,
     page: bool,
@@ -262,6 +291,8 @@ def _command(
         "--joint-model": None if joints == ALL else joints,
         "--stiffness": stiffness,
         **work.options,
+        "--surroundings": apart.surroundings,
+        "--clearance": apart.clearance,
         "--title": title,
         "--out": out,
     }

@@ -11,13 +11,15 @@ import click
 
 from p3dof._base.errors import P3dofError, ParameterError, TaskError
 from p3dof._base.files import called
+from p3dof._base.quantities import LENGTH
 from p3dof.analysis.reactions import Stiffness
 from p3dof.cli.case import LOAD_FRICTION, load_friction_in
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.kinds import DURATION, POSITIVE, Number, as_one
+from p3dof.cli.kinds import DURATION, POSITIVE, Amount, Number, as_one
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.design.assessment import Assessment, assess
 from p3dof.design.bearings import read_bearings
+from p3dof.design.clearance import Clearance, Surroundings, read_surroundings
 from p3dof.design.drives import read_catalogue
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.fastest import fastest_plan
@@ -34,6 +36,16 @@ SAMPLES = 2001
 REST = click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
 BRAKE = click.option(
     "--brake-safety", type=POSITIVE, default=BRAKE_SAFETY, help="Safety factor of holding brakes."
+)
+SURROUNDINGS = click.option(
+    "--surroundings",
+    type=InputFile(),
+    help="Payload, obstacles and sizes of parts (YAML), for the least distances of all parts.",
+)
+CLEARANCE = click.option(
+    "--clearance",
+    type=Amount(LENGTH, zero=True),
+    help="Least distance that all parts must keep, such as '5 mm'; 0 for none that overlap.",
 )
 _OPTIONS = (
     click.option("--drives", type=InputFile(), help="Catalogue of motors, gears, screws and belts (YAML)."),
@@ -120,6 +132,7 @@ class Work:
         stiffness: Stiffness | None,
         name: str,
         limits: AxisLimits | None = None,
+        clearance: Clearance | None = None,
     ) -> Assessment:
         """Return whether a machine fits what it has to do."""
         catalogue = None if self.drives is None else read_catalogue(source(self.drives))
@@ -135,12 +148,18 @@ class Work:
                 rest=self.rest,
                 brake_safety=self.brake_safety,
                 name=name,
+                clearance=clearance,
                 progress=progress,
             )
 
 
 with_work = as_one("work", Work, *_OPTIONS)
 """The options of a `Work`, and these as the argument `work`."""
+
+
+def surroundings_in(path: Path | None) -> Surroundings | None:
+    """Return what stands around a machine, if a file says so."""
+    return None if path is None else read_surroundings(source(path))
 
 
 def task_named(path: Path) -> Task:

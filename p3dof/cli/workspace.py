@@ -26,6 +26,8 @@ from p3dof.cli.files import JSON, InputFile, OutputFile, protect, save_figure, s
 from p3dof.cli.kinds import FIGURE, POSITIVE, Amount, Number
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, Pose, machine_of
 from p3dof.cli.output import print_plain, print_written, show
+from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
+from p3dof.design.clearance import Clearance, clearance_over, clearance_table
 from p3dof.machine.motion import Motion, paper_motion
 from p3dof.machine.parameters import Body
 
@@ -126,6 +128,8 @@ _LENGTH = click.option(
     "--index", "indices", multiple=True, metavar="NAME", help="Performance index, such as lti; repeatable."
 )
 @_LENGTH
+@SURROUNDINGS
+@CLEARANCE
 @click.option(
     "--motion", "motion_file", type=InputFile(), help="Motion file (CSV) whose path is drawn and checked."
 )
@@ -152,6 +156,8 @@ def workspace(
     acceleration: tuple[float, float, float] | None,
     indices: tuple[str, ...],
     length: float | None,
+    surroundings: Path | None,
+    clearance: float | None,
     motion_file: Path | None,
     paper: bool,
     view: str,
@@ -163,9 +169,9 @@ def workspace(
     """Compute the workspace within stroke, tilt and margins: volume, areas, largest boxes.
 
     By default, the limits are those of the machine. Sizes are computed in closed form, not on a grid. Exit
-    code 1 when the motion leaves the workspace.
+    code 1 when the motion leaves the workspace, or parts come nearer to each other than --clearance.
     """
-    protect((parameters, motion_file), (figure, out))
+    protect((parameters, motion_file, surroundings), (figure, out))
     names = check_names(indices)
     robot = machine_of(parameters, payload)
     if paper and motion_file is not None:
@@ -178,17 +184,35 @@ def workspace(
     options = {} if length is None else {"length": length}
     means = {name: _over(space, name, options) for name in names}
     outside = "" if motion is None else _leaves(space, motion)
+    near = None
+    if surroundings is not None or clearance is not None:
+        near = clearance_over(robot, space, surroundings_in(surroundings), required=clearance or 0.0)
     console = Console(stderr=as_json)
     if as_json:
         found = plain_workspace(space) | {"indices": means}
+        found |= {} if near is None else {"clearance": _plain_clearance(near)}
         found |= {} if motion is None else {"motion_inside": not outside}
         sys.stdout.write(json.dumps(found) + "\n")
     else:
-        show(console, workspace_table(space), box_table(space), *_table(means), notes=True)
+        apart = [] if near is None else [clearance_table(near)]
+        show(console, workspace_table(space), box_table(space), *_table(means), *apart, notes=True)
+        if near is not None:
+            print_plain(console, near.verdict)
         if motion is not None:
             print_plain(console, outside or f"the motion stays inside ({len(motion)} samples)")
     print_written(console, _written(space, names, motion, view, figure, out, options))
-    return 1 if outside else 0
+    return 1 if outside or not (near is None or near.fits) else 0
+
+
+def _plain_clearance(near: Clearance) -> dict[str, Any]:
+    """Return the nearest parts over a workspace, for JSON."""
+    one = near.least
+    return {
+        "parts": list(one.parts),
+        "distance": one.distance,
+        "pose": one.pose.tolist(),
+        "required": near.required,
+    }
 
 
 def _over(space: Workspace, name: str, options: dict[str, Any]) -> dict[str, float | None]:

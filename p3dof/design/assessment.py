@@ -24,6 +24,7 @@ from p3dof._base.tables import (
 )
 from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
 from p3dof.design.bearings import BearingReport, Bearings, bearing_life
+from p3dof.design.clearance import Clearance
 from p3dof.design.drives import (
     VERDICTS,
     Ambient,
@@ -60,7 +61,8 @@ class RatingUse:
     Parameters
     ----------
     kind : str
-        What has the rating: ``"machine"``, ``"task"``, ``"drive"``, ``"bearing"``, ``"guide"`` or ``"rod"``.
+        What has the rating: ``"machine"``, ``"task"``, ``"drive"``, ``"bearing"``, ``"guide"``, ``"rod"`` or
+        ``"clearance"``.
     name : str
         The rating, such as ``"peak torque"``.
     part : str
@@ -151,6 +153,8 @@ class Assessment(ShownInNotebook):
         What the task allows, besides the limits of the machine.
     ambient : Ambient
         Where its motors work.
+    clearance : Clearance or None
+        How near parts come to each other; None if nobody asked.
     """
 
     name: str
@@ -163,6 +167,7 @@ class Assessment(ShownInNotebook):
     stiffness: Stiffness | None = None
     limits: AxisLimits | None = None
     ambient: Ambient = field(default_factory=Ambient)
+    clearance: Clearance | None = None
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"
@@ -192,6 +197,7 @@ class Assessment(ShownInNotebook):
     def ratings(self) -> tuple[RatingUse, ...]:
         """All ratings that are known: those that are exceeded, then those that are used most first."""
         found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
+        found += [] if self.clearance is None else of_clearance(self.clearance)
         return tuple(sorted(found, key=lambda one: (-VERDICTS.index(one.verdict), -one.share)))
 
     @property
@@ -263,6 +269,8 @@ class Assessment(ShownInNotebook):
             told = ["motors, gears, screws and belts (no drives were given)"]
         else:
             told = list(not_checked(self.drives))
+        if self.clearance is None:
+            told.append("collisions (no clearance was asked for)")
         return (*told, *_of_parts(self.bearings), *frictionless(self.robot, self.found))
 
     @cached_property
@@ -375,6 +383,7 @@ def assess(
     margins: Margins | None = None,
     ambient: Ambient | None = None,
     name: str = "",
+    clearance: Clearance | None = None,
     progress: Progress | None = None,
 ) -> Assessment:
     """Return whether a machine fits what it has to do, by its limits and by the ratings of its parts.
@@ -402,6 +411,8 @@ def assess(
         What of each rating of drives must stay free, and where motors work; see `size_drives`.
     name : str
         What the assessment is called; the name of the task without one.
+    clearance : Clearance, optional
+        How near parts come to each other over it, from `clearance_of`: the distance required is a rating.
     progress : callable, optional
         Called with (done, total) drives.
 
@@ -419,6 +430,8 @@ def assess(
         raise InputError(f"name: expected a text, got {shown(name)}")
     if not isinstance(limits, AxisLimits | None):
         raise InputError(f"limits: expected AxisLimits, got {shown(limits)}")
+    if not isinstance(clearance, Clearance | None):
+        raise InputError(f"clearance: expected a Clearance, got {shown(clearance)}")
     pause = not_negative("rest", rest)
     cycle_of(found, pause)  # says at once that the machine cannot make it
     ranked: list[Sizing] = []
@@ -440,7 +453,8 @@ def assess(
         report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
     place = ambient or (drives.ambient if isinstance(drives, Catalogue) else Ambient())
-    return Assessment(told, robot, found, pause, tuple(ranked), loads, report, stiffness, limits, place)
+    parts = loads, report, stiffness, limits, place, clearance
+    return Assessment(told, robot, found, pause, tuple(ranked), *parts)
 
 
 def as_result(found: InverseDynamics | TaskForces) -> InverseDynamics:
@@ -463,6 +477,17 @@ def frictionless(robot: Manipulator, found: InverseDynamics | TaskForces) -> tup
     if robot.parameters.friction or any(result.coulomb is not None for result in results):
         return ()
     return ("friction of guides and joints (none was given: forces are those without)",)
+
+
+def of_clearance(found: Clearance) -> list[RatingUse]:
+    """Return the distance that is required of that of the nearest parts, or by how much they overlap."""
+    one = found.least
+    if one.distance < 0:
+        return [RatingUse("clearance", "overlap", one.names, -one.distance, 0.0, "m", one.time, one.place)]
+    if not found.required:
+        return []
+    values = found.required, one.distance, "m", one.time, one.place
+    return [RatingUse("clearance", "required clearance", one.names, *values)]
 
 
 def _of_parts(report: BearingReport | None) -> list[str]:

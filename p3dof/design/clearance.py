@@ -278,7 +278,7 @@ class CollisionModel:
         surroundings: Surroundings | None = None,
         dimensions: Dimensions | None = None,
     ) -> None:
-        around = Surroundings() if surroundings is None else surroundings
+        self.around = around = Surroundings() if surroundings is None else surroundings
         size = Dimensions.scaled(parameters.geometry) if dimensions is None else dimensions
         self.geometry = parameters.geometry
         self.parts = _parts_of(parameters, around, replace(size, **around.dimensions))
@@ -344,6 +344,19 @@ class CollisionModel:
         row = min(self._rows[pair], key=lambda each: self._distance(int(each)))
         found = self._data.distanceResults[int(row)]
         return np.array([found.getNearestPoint1(), found.getNearestPoint2()])
+
+    def solids(self, pose: FloatArray) -> list[tuple[str, FloatArray, float]]:
+        """Return all convex solids at a pose: part, corners (V, 3), radius of what sweeps them [m]."""
+        bodies = mechanism_motion(self.geometry, pose, 0 * pose, 0 * pose).bodies
+        found = []
+        for part in self.parts:
+            for one in part.solids:
+                corners = one.position + one.corners @ one.rotation.T
+                if part.body != FRAME:
+                    body = bodies[part.body]
+                    corners = body.origin + corners @ body.rotation.T
+                found.append((part.name, corners, one.radius))
+        return found
 
     def sweep(self, pose: FloatArray) -> FloatArray:
         """Return the lowest and highest corner of the box around all that moves, over poses, (2, 3) [m]."""
@@ -541,6 +554,10 @@ class Clearance(ShownInNotebook, Readable):
         as cubics over a step [m]; NaN over a workspace.
     sweep : ndarray, shape (2, 3)
         Lowest and highest corner of the box around all that moves, at all samples [m].
+    machine : Parameters
+        The machine.
+    surroundings : Surroundings
+        What it carried and what stood around it.
     required : float
         The least distance that was asked for [m].
     """
@@ -552,6 +569,8 @@ class Clearance(ShownInNotebook, Readable):
     approaches: tuple[Approach, ...]
     lower_bound: float
     sweep: FloatArray
+    machine: Parameters
+    surroundings: Surroundings
     required: float = 0.0
 
     def __repr__(self) -> str:
@@ -654,6 +673,8 @@ def clearance_of(
         tuple(sorted(approaches, key=lambda one: one.distance)),
         search.bound,
         model.sweep(motion.pose),
+        robot.parameters,
+        model.around,
         asked,
     )
 
@@ -819,6 +840,8 @@ def clearance_over(
         tuple(sorted(approaches, key=lambda one: one.distance)),
         math.nan,
         model.sweep(np.concatenate([poses, pose])),
+        robot.parameters,
+        model.around,
         asked,
     )
 

@@ -24,6 +24,7 @@ from p3dof.design.assessment import (
     uses_table,
 )
 from p3dof.design.bearings import bearings_table, guides_table, rods_table
+from p3dof.design.clearance import clearance_table
 from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
 from p3dof.design.drives import axes_table, ranking_table, ratings_table
 from p3dof.design.fastest import sizing_table
@@ -48,6 +49,7 @@ class AssessmentPictures:
     forces: Picture
     task: Picture | None  # of a task; of drives, if some were chosen
     drives: Picture | None
+    clearance: Picture | None  # of the nearest parts, if their distances were asked for
 
 
 def render_assessment(found: Assessment, **heading: Any) -> str:
@@ -147,6 +149,7 @@ def _content(found: Assessment) -> dict[str, Any]:
         "needs": needs_table(found) if sizing is None else None,
         "axes": None if sizing is None else axes_table(sizing),
         "ratings": None if sizing is None else ratings_table(sizing, found.place if task else None),
+        "clearance": None if found.clearance is None else clearance_table(found.clearance),
         "ranking": ranking_table(found.ranked, _ALTERNATIVES) if len(found.ranked) > 1 else None,
         "lives": [table for table in lives if table.rows],
         "reactions": None if found.reactions is None else reactions_table(found.reactions),
@@ -220,6 +223,15 @@ def _pictures(found: Assessment) -> AssessmentPictures:
                 "Torque over speed of each motor within its curves.",
                 "Torque over speed: the cycle is the curve, its root mean square the dot; the curve must "
                 "stay in the light area, the dot in the dark one.",
+            )
+        ),
+        clearance=(
+            None
+            if found.clearance is None
+            else picture(
+                plots.clearance_figure(found.clearance),
+                f"Least distances of the nearest parts. {found.clearance.verdict}.",
+                "Least distances of the nearest parts; the dashed line is the distance required.",
             )
         ),
     )

@@ -32,6 +32,7 @@ OPTIONS = r"""
 --brake-safety | number | Safety factor of holding brakes
 --centre-error | AMOUNT | Error of the mass centres
 --check | flag | Write nothing
+--clearance | AMOUNT | Least distance that all parts
 --closure-forces | flag | Show the closure forces
 --combine | NAME=PART,... | Parameter that changes several
 --compute | choice | Also compute this
@@ -174,6 +175,7 @@ OPTIONS = r"""
 --still | flag | Show the reference configuration
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
+--surroundings | FILE | Payload, obstacles and sizes of parts
 --target-error | number | Also compute how long
 --task | FILE | (Task file \(|Motion file whose forces)
 --task-out | FILE | Task file to write

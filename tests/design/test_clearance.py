@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from dataclasses import replace
 
+import jsonschema
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
+from documents import ROOT
 from machines import positions, random_geometry
 from table_numbers import check_table, shows
 
 import p3dof
 from p3dof._base.errors import InputError, ParameterError, SampleError
+from p3dof.cli import main
 from p3dof.design.clearance import (
     _BODIES,
     _JOINED,
@@ -399,6 +404,17 @@ ignored: [[payload, table]]
 """
 
 
+SCHEMA = json.loads((ROOT / "docs/reference/surroundings.schema.json").read_text(encoding="utf-8"))
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+BEYOND = "used more than once", "there is no part"
+"""What no schema sees."""
+
+
+def test_the_schema_takes_the_example():
+    VALIDATOR.check_schema(SCHEMA)
+    VALIDATOR.validate(yaml.safe_load(TEXT))
+
+
 def test_a_file_is_read_in_its_units(tmp_path):
     path = tmp_path / "around.yaml"
     path.write_text(TEXT)
@@ -436,7 +452,7 @@ def test_a_file_is_read_in_its_units(tmp_path):
         ("payload: 2", "expected the fields"),
         ("obstacles: [{size: [1, 1, 1]}]", "obstacles[0]: the field 'name' is missing"),
         ("obstacles: [{name: a, size: [1, 1, 1]}, {name: a, size: [1, 1, 1]}]", "used more than once"),
-        ("obstacles: [{name: a, sise: [1, 1, 1]}]", "sise"),
+        ("obstacles: [{name: a, edges: [1, 1, 1]}]", "edges"),
         ("dimensions: {rod: 1 mm}", "rod"),
         ("dimensions: {rod_radius: 0 mm}", "rod_radius"),
         ("dimensions: 3", "expected the fields"),
@@ -457,6 +473,8 @@ def test_every_fault_of_a_file_is_told(tmp_path, text, words):
     assert words in told
     assert told.startswith(str(path))
     assert "\n" not in told
+    if not any(one in words for one in BEYOND):
+        assert not VALIDATOR.is_valid(yaml.safe_load(text))
 
 
 def test_arguments_are_checked(robot):
@@ -513,3 +531,185 @@ def test_solids_of_given_sizes_are_drawn_with_them():
     (leg,) = Solids(PAPER, size).visuals["leg_a"]
     assert leg.shape.radius == 0.007
     assert Solids(PAPER).visuals["leg_a"][0].shape.radius == 0.01
+
+
+WAYS = """
+waypoints:
+  - {name: here, pose: [0, 0, 0]}
+  - {name: there, pose: [150 mm, 0, 0], duration: 1}
+  - {name: back, pose: [0, 0, 0], duration: 1}
+"""
+AROUND = """
+obstacles: {name: wall, size: [500 mm, 20 mm, 200 mm], at: [0, 300 mm, -370 mm]}
+dimensions: {corner_radius: 22 mm}
+"""
+GAP = 40e-3 - 22e-3 / math.cos(math.pi / CORNERS)
+"""Of the platform and the wall at y = 150 mm."""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "task.yaml").write_text(WAYS)
+    around = only("wall", "platform", obstacles=CollisionShape("wall", size=(1, 1, 1)))
+    (tmp_path / "around.yaml").write_text(AROUND + yaml.safe_dump({"ignored": [*map(list, around.ignored)]}))
+    return tmp_path
+
+
+@pytest.mark.parametrize(("least", "code"), [("17.9 mm", 0), ("18 mm", 1), (None, 0)])
+@pytest.mark.usefixtures("folder")
+def test_plan_reports_the_nearest_parts(capsys, least, code):
+    asked = [] if least is None else ["--clearance", least]
+    assert main(["plan", "task.yaml", "--samples", "101", "--surroundings", "around.yaml", *asked]) == code
+    told = capsys.readouterr().out
+    words = f"platform and wall come within {1e3 * GAP:.4g} mm at t = 1 s"
+    assert words in told
+    assert (least is not None) == (f"{least} required" in told)
+
+
+def test_a_file_that_is_wrong_is_one_line(folder, capsys):
+    (folder / "around.yaml").write_text("walls: 3")
+    assert main(["plan", "task.yaml", "--surroundings", "around.yaml"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("p3dof: error: around.yaml:")
+
+
+@pytest.mark.parametrize(("least", "code"), [("5 mm", 0), ("40 mm", 1)])
+def test_report_has_the_clearance_as_a_rating_and_a_figure(folder, capsys, least, code):
+    asked = ["--surroundings", "around.yaml", "--clearance", least, "--no-animation", "--out", "a.html"]
+    assert main(["report", "task.yaml", "--samples", "101", *asked]) == code
+    told, page = capsys.readouterr().out, (folder / "a.html").read_text(encoding="utf-8")
+    assert ("does not fit: required clearance of platform and wall" in told) == bool(code)
+    assert "collisions" not in told
+    for words in (
+        'id="clearance"',
+        "Least distances of the nearest parts",
+        "around.yaml",
+        "required clearance",
+    ):
+        assert words in page
+    assert f"--clearance={float(least.split()[0]) / 1e3!r}" in page
+
+
+@pytest.mark.usefixtures("folder")
+def test_workspace_finds_where_parts_come_nearest(capsys):
+    asked = ["workspace", "--travel", "100 mm", "--tilt", "10 deg", "--surroundings", "around.yaml"]
+    assert main([*asked, "--clearance", "0", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["clearance"]
+    assert found["parts"] == ["platform", "wall"]
+    assert found["distance"] < 0
+    assert found["required"] == 0
+    model = CollisionModel(PAPER, read_surroundings("around.yaml"))
+    assert model.distances(np.array([found["pose"]]))[0, 0] == pytest.approx(found["distance"], abs=1e-9)
+
+
+def test_an_assessment_fits_as_far_as_parts_keep_apart(robot):
+    motion = along_y()
+    result = robot.inverse_dynamics(motion)
+    wall = CollisionShape("wall", size=(0.5, 0.02, 0.2), at=(0.0, 0.3, -0.37))
+    around, gap = only("wall", "platform", obstacles=wall), 0.04 - 0.02 / math.cos(math.pi / CORNERS)
+    assert any("collisions" in words for words in p3dof.assess(robot, result).unchecked)
+    for required, fits in ((0.01, True), (0.03, False)):
+        found = clearance_of(robot, motion, around, required=required)
+        answer = p3dof.assess(robot, result, clearance=found)
+        use = next(one for one in answer.ratings if one.kind == "clearance")
+        assert use.share == pytest.approx(required / gap, rel=1e-6)
+        assert (use.name, use.part, use.unit) == ("required clearance", "platform and wall", "m")
+        assert use.time == pytest.approx(1.0, abs=1e-4)
+        assert answer.fits is fits
+        assert not any("collisions" in words for words in answer.unchecked)
+    free = p3dof.assess(robot, result, clearance=clearance_of(robot, motion, around))
+    assert not any(one.kind == "clearance" for one in free.ratings)
+    near = replace(wall, at=(0.0, 0.27, -0.37))
+    hit = p3dof.assess(
+        robot, result, clearance=clearance_of(robot, motion, only("wall", "platform", obstacles=near))
+    )
+    assert not hit.fits
+    assert hit.worst.name == "overlap"
+    assert hit.worst.required == pytest.approx(0.03 - gap, abs=1e-9)
+    assert "where none is permissible" in hit.verdict
+    with pytest.raises(InputError, match="clearance"):
+        p3dof.assess(robot, result, clearance=0.01)
+
+
+def test_the_figure_draws_the_distances_and_the_nearest_points(robot):
+    from p3dof.report.plots import clearance_figure
+
+    wall = CollisionShape("wall", size=(0.5, 0.02, 0.2), at=(0.0, 0.3, -0.37))
+    around = only("wall", "platform", "leg_b", obstacles=wall)
+    found = clearance_of(robot, along_y(), around, required=0.005)
+    left, right = clearance_figure(found).axes
+    lines = {line.get_label(): line for line in left.lines}
+    for pair, column in zip(found.pairs, found.distances.T, strict=True):
+        assert np.asarray(lines[" and ".join(pair)].get_ydata()) == pytest.approx(1e3 * column)
+    points = np.array(right.lines[0].get_xydata())
+    assert points == pytest.approx(1e3 * found.least.points[:, 1:])
+    assert "platform and wall: 19.98 mm at t = 1 s" in right.get_title()
+    over = clearance_over(robot, robot.workspace(Limits(tilt=(-0.1, 0.1))), around, grid=(3, 3, 2))
+    left, right = clearance_figure(over).axes
+    widths = [bar.get_width() for bar in left.patches]
+    assert widths == pytest.approx([1e3 * one.distance for one in over.approaches])
+    assert [text.get_text() for text in left.get_yticklabels()] == [one.names for one in over.approaches]
+    with pytest.raises(InputError, match="found"):
+        clearance_figure(3)
+
+
+def test_measures_of_space_are_those_of_each_machine(robot):
+    """On designs of other lengths, sizes and places, with surroundings; gradients by other differences."""
+    motion = along_y(samples=9)
+    wall = CollisionShape("wall", size=(0.5, 0.02, 0.2), at=(0.0, 0.33, -0.37))
+    around = only("wall", "platform", "slider_b", obstacles=wall)
+    names = ["motion_clearance", "height", "room"]
+    bounds = {"L": (0.35, 0.5), "rod_radius": (0.005, 0.02), "offset.y": (-0.02, 0.02)}
+    problem = p3dof.design.DesignProblem(bounds, motion, names, bodies="solids", surroundings=around)
+    design = np.array([0.42, 0.008, 0.006])
+    found = problem.evaluate(design)
+    geometry = replace(PAPER.geometry, L=0.42)
+    machine = replace(PAPER, geometry=geometry)
+    pose = motion.pose + np.array([design[2], 0.0, 0.0])
+    size = replace(Dimensions.scaled(geometry), rod_radius=0.008)
+    model = CollisionModel(machine, around, size)
+    assert found["motion_clearance"][0] == model.distances(pose).min()
+    low, high = model.sweep(pose)
+    assert found["height"][0] == pytest.approx(high[2] - low[2], rel=1e-12)
+    assert found["room"][0] == pytest.approx((high - low).prod(), rel=1e-12)
+    # at y = 156 mm: from the corner of the platform to the wall; the bottom from the loop equations
+    assert found["motion_clearance"][0] == pytest.approx(
+        0.32 - 0.256 - size.corner_radius / math.cos(math.pi / CORNERS), abs=1e-9
+    )
+    sliders = np.array([positions(geometry, row)[0] for row in pose])
+    bottom = -math.sqrt(0.42**2 - 0.15**2) - size.plate_thickness / 2
+    assert found["height"][0] == pytest.approx(sliders.max() + size.slider_edge / 2 - bottom, abs=1e-12)
+    gradient = problem.gradient(design)
+    for k, step in enumerate((1e-5, 1e-6, 1e-6)):
+        moved = problem.evaluate(design + step * np.array([[1.0], [-1.0]]) * np.eye(3)[k])
+        for name in names:
+            by = (moved[name][0] - moved[name][1]) / (2 * step)
+            assert gradient[name][k] == pytest.approx(by, rel=1e-5, abs=1e-4)
+    assert gradient["motion_clearance"] == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
+    alone = p3dof.design.DesignProblem(bounds, motion, names, bodies="solids")
+    assert "surroundings" not in alone.settings()
+    json.dumps(problem.settings())
+    assert alone.settings() != {k: v for k, v in problem.settings().items() if k != "names"}
+    assert robot.parameters == PAPER
+
+
+def test_a_problem_file_names_its_surroundings(tmp_path):
+    (tmp_path / "around.yaml").write_text(TEXT)
+    path = tmp_path / "problem.yaml"
+    text = "variables: {L: [0.35, 0.5]}\nmotion: {paper: 11}\nobjectives: [height]\n"
+    path.write_text(text + "surroundings: around.yaml\n")
+    problem = p3dof.design.optimisation.read_problem(path)
+    assert problem.setting.surroundings == read_surroundings(tmp_path / "around.yaml")
+    path.write_text(text + "surroundings: 3\n")
+    with pytest.raises(InputError, match=r"surroundings: expected the name of a file"):
+        p3dof.design.optimisation.read_problem(path)
+    with pytest.raises(InputError, match="surroundings"):
+        p3dof.design.DesignProblem({"L": (0.35, 0.5)}, surroundings=3)
+
+
+def test_designs_out_of_reach_have_no_clearance():
+    problem = p3dof.design.DesignProblem({"L": (0.16, 0.5)}, paper_motion(11), ["motion_clearance"])
+    found = problem.evaluate([[0.17], [0.4]])["motion_clearance"]
+    assert np.isnan(found).tolist() == [True, False]
+    assert np.isnan(problem.evaluate([[0.17]])["motion_clearance"]).all()

@@ -18,7 +18,8 @@ from p3dof.design import DesignProblem
 from p3dof.design.optimisation import MEASURES, Box, FunctionMeasure, relation
 from p3dof.design.optimisation.population import Pieces, Population
 
-BY_DIFFERENCES = ("fastest_time", "rod_buckling_share", "rod_stress")
+SPACE = ("motion_clearance", "height", "room")  # tests/design/test_clearance.py
+BY_DIFFERENCES = ("fastest_time", "rod_buckling_share", "rod_stress", *SPACE)
 NEAR = [[0.11, 0.27, 0.41, 0.008], [0.09, 0.22, 0.36, 0.006], PAPER_DESIGN]
 
 

@@ -17,6 +17,7 @@ PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.pa
 ELSEWHERE = {"gallery.md": "test_gallery.py"}
 """Pages that another test runs, and reads the numbers of."""
 _LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "workspace-and-indices"
+_LONG += ("clearance",)
 _LONG += "derivatives-of-any-robot", "plan-a-task", "sweeps-of-millions", "see-any-robot", "excitation"
 SLOW = dict.fromkeys((f"{stem}.md" for stem in _LONG), pytest.mark.slow)
 """Other tests hold what these say, and they take long."""

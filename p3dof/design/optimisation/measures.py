@@ -10,7 +10,7 @@ machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -31,6 +31,7 @@ from p3dof.analysis.workspace.margins import box_margins
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.design.bearings.evaluation import RodCheck, rod_check
+from p3dof.design.clearance import CollisionModel
 from p3dof.design.optimisation.population import (
     STEP,
     Box,
@@ -47,7 +48,7 @@ from p3dof.design.tasks.limits import AxisLimits, Demand
 from p3dof.loops import ClosedLoopModel
 from p3dof.machine import description
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Parameters
+from p3dof.machine.parameters import Dimensions, Parameters
 from p3dof.methods.pinocchio import armature_of
 
 _BLOCK = 64  # designs whose forces at all samples are in the memory at a time
@@ -537,6 +538,19 @@ _STEP = 1e-5  # of differences, as a share of a variable
 _SAMPLES = 101  # most samples of the motion that reactions are found at
 
 
+def central_differences(
+    population: Population, pieces: Callable[[Population], FloatArray], share: float
+) -> FloatArray:
+    """Return the derivatives of pieces (D, P) by all variables, (D, P, n), by steps of a share of each."""
+    values, slopes = population.values, []
+    for index in range(values.shape[1]):
+        step = np.zeros_like(values)
+        step[:, index] = share * np.maximum(np.abs(values[:, index]), 1e-3)
+        ahead, behind = (pieces(Population(population.setting, values + sign * step)) for sign in (1.0, -1.0))
+        slopes.append((ahead - behind) / (2 * step[:, [index]]))
+    return np.stack(slopes, axis=-1)
+
+
 @dataclass(frozen=True)
 class RodLoad(OfDesigns):
     """The worst compression by Euler's load, both ends hinged, or axial force by the section [Pa] of a rod.
@@ -555,14 +569,7 @@ class RodLoad(OfDesigns):
         return Pieces(self._of_rods(population), lambda: self._differences(population))
 
     def _differences(self, population: Population) -> FloatArray:
-        values, slopes = population.values, []
-        for index in range(values.shape[1]):
-            step = np.zeros_like(values)
-            step[:, index] = _STEP * np.maximum(np.abs(values[:, index]), 1e-3)
-            moved = (Population(population.setting, values + sign * step) for sign in (1.0, -1.0))
-            ahead, behind = (self._of_rods(each) for each in moved)
-            slopes.append((ahead - behind) / (2 * step[:, [index]]))
-        return np.stack(slopes, axis=-1)
+        return central_differences(population, self._of_rods, _STEP)
 
     def _of_rods(self, population: Population) -> FloatArray:
         found = np.full((len(population), len(_RODS)), np.nan)
@@ -607,6 +614,63 @@ OF_RODS = (
     RodLoad("rod_stress", "Pa", "small", "largest axial stress of a leg or rod over the motion"),
 )
 """Measures of legs and rods."""
+
+
+_STEP_OF_LENGTHS = 1e-4  # of differences of distances, which are known to some 1e-11 m
+
+
+@dataclass(frozen=True)
+class OfSweep(OfDesigns):
+    """Distances of parts at the samples of the motion, and the box around all that moves over it.
+
+    With the surroundings of the problem. Gradients are central differences.
+    """
+
+    slow: bool = True
+
+    def values(self, population: Population) -> FloatArray:
+        """Return it of designs, (D,)."""
+        found = self._pieces(population)
+        return np.asarray(found.min(axis=1) if self.better == "large" else found.max(axis=1))
+
+    def pieces(self, population: Population) -> Pieces:
+        """Return that of each pair of parts, or the size of the box, and the gradients."""
+        return Pieces(self._pieces(population), lambda: self._differences(population))
+
+    def _differences(self, population: Population) -> FloatArray:
+        return central_differences(population, self._pieces, _STEP_OF_LENGTHS)
+
+    def _pieces(self, population: Population) -> FloatArray:
+        rows = [self._one(population, int(index)) for index in np.flatnonzero(population.feasible)]
+        found = np.full((len(population), len(rows[0]) if rows else 1), np.nan)
+        if rows:
+            found[population.feasible] = rows
+        return found
+
+    def _one(self, population: Population, index: int) -> FloatArray:
+        setting, machine = population.setting, population.designs[index]
+        sizes = {name: population.columns.get(f"dimensions.{name}") for name in Dimensions.__annotations__}
+        given = {name: float(column[index]) for name, column in sizes.items() if column is not None}
+        size = replace(Dimensions.scaled(machine.geometry), **given)
+        model = CollisionModel(machine, setting.surroundings, size)
+        shift = [float(population.columns[n][index]) if n in population.columns else 0.0 for n in OFFSETS]
+        pose = setting.motion.pose + np.array(shift)
+        if self.name == "motion_clearance":
+            return np.asarray(model.distances(pose).min(axis=0))
+        low, high = model.sweep(pose)
+        sides = high - low
+        return np.asarray(sides[2:] if self.name == "height" else sides.prod(keepdims=True))
+
+
+OF_SWEEP = (
+    OfSweep(
+        *("motion_clearance", "m", "large"),
+        "least distance of two parts that are no neighbours, and of surroundings, over the motion",
+    ),
+    OfSweep("height", "m", "small", "height of the box around all that moves, over the motion"),
+    OfSweep("room", "m³", "small", "volume of the box around all that moves, over the motion"),
+)
+"""Measures of the space that a machine takes."""
 
 
 def _width(n: Numbers, population: Population) -> Any:
@@ -670,7 +734,7 @@ OF_SOLIDS = (
 )
 """Measures of the machine as it stands."""
 
-_ALL: tuple[Any, ...] = (*OF_MOTION, FASTEST, *OF_POSES, *OF_SOLIDS, *OF_RODS)
+_ALL: tuple[Any, ...] = (*OF_MOTION, FASTEST, *OF_POSES, *OF_SOLIDS, *OF_RODS, *OF_SWEEP)
 
 MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ALL}
 """What designs can be optimised for, and bounded in, by name."""

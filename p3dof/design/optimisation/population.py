@@ -30,6 +30,7 @@ from p3dof.analysis.designs.figures import (
 from p3dof.analysis.designs.folding import Folded, folding_of
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Model
+from p3dof.design.clearance import Surroundings
 from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import STEEL_DENSITY, Dimensions, Parameters
 from p3dof.machine.parameters.solids import scales
@@ -117,6 +118,7 @@ class Setting:
     figures: tuple[FigureGroup, ...] = ()  # groups of figures that measures need of the motion
     level: str | None = None  # what to run on
     threads: int | None = None  # how many threads
+    surroundings: Surroundings | None = None  # what parts must keep away from, for measures of space
     samples: Samples = field(init=False)
 
     def __post_init__(self) -> None:

@@ -39,11 +39,12 @@ from numpy.typing import NDArray
 
 from p3dof._base.blocks import Block, ParetoArchive, Reduction, Samples, Sweep, Uniform, sweep
 from p3dof._base.blocks.sampling import Method
-from p3dof._base.checks import Progress
+from p3dof._base.checks import Progress, shown
 from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.files import called, parse_yaml, read_text
 from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
 from p3dof.analysis.designs.files import listed, machine_of, mapping, motion_of, named, number_of, wrench_of
+from p3dof.design.clearance import Surroundings, read_surroundings
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
 from p3dof.design.optimisation.evolution import GENERATIONS, Journal
 from p3dof.design.optimisation.minimising import (
@@ -160,6 +161,8 @@ class DesignProblem(Statement):
         Young's modulus of the rods [Pa].
     drive_stiffness : float
         Of one drive [N/m].
+    surroundings : Surroundings, optional
+        Payload and obstacles, for ``motion_clearance``, ``height`` and ``room``.
     level, threads
         What to run on, as of `MachineKernels`.
 
@@ -342,6 +345,7 @@ FIELDS = (
     "robust",
     "modulus",
     "drive_stiffness",
+    "surroundings",
 )
 """The fields of the file; `reference/problem.schema.json` has their forms."""
 
@@ -398,6 +402,7 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
             drive_stiffness=number_of(
                 data.get("drive_stiffness", DRIVE_STIFFNESS), STIFFNESS, f"{name}: drive_stiffness"
             ),
+            surroundings=_surroundings(data.get("surroundings"), folder, f"{name}: surroundings"),
         ),
     )
     used = {measure.name for measure in (*made.objectives, *(item.measure for item in made.constraints))}
@@ -415,6 +420,15 @@ def _robust(value: Any, where: str) -> dict[str, Robust]:
             raise InputError(f"{where}: the field {key!r} is missing")
     names = listed(fields.pop("measures"), f"{where}.measures")
     return {str(name): named(where, partial(Robust, name, **fields)) for name in names}
+
+
+def _surroundings(value: Any, folder: Path, where: str) -> Surroundings | None:
+    """Return what stands around the machine, in a file beside that of the problem."""
+    if value is None:
+        return None
+    if not isinstance(value, str):
+        raise InputError(f"{where}: expected the name of a file, got {shown(value)}")
+    return read_surroundings(folder / value)
 
 
 def _as_built(given: Any, robust: Mapping[str, Robust]) -> Any:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.analysis.designs.columns import DENSITY, KINDS, SIZES, BodiesOfDesigns, full_name, numbers_of
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
+from p3dof.design.clearance import Surroundings
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
 from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, quantity_in_si
 from p3dof.design.optimisation.measures import measure_of
@@ -54,7 +55,7 @@ def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
         "modulus": setting.modulus,
         "drive_stiffness": setting.drive_stiffness,
         "level": setting.level,
-    }
+    } | ({} if setting.surroundings is None else {"surroundings": asdict(setting.surroundings)})
 
 
 def _measure(measure: Measure) -> dict[str, Any]:
@@ -108,9 +109,12 @@ class Statement:
         wrench: WrenchOverTime = None,
         modulus: float = STEEL_MODULUS,
         drive_stiffness: float = DRIVE_STIFFNESS,
+        surroundings: Surroundings | None = None,
         level: str | None = None,
         threads: int | None = None,
     ) -> None:
+        if not isinstance(surroundings, Surroundings | None):
+            raise InputError(f"surroundings: expected Surroundings, got {shown(surroundings)}")
         if box is not None and not isinstance(box, Box):
             raise InputError(f"box: expected a Box, got {shown(box)}")
         self.variables = Variables.of(variables)
@@ -134,6 +138,7 @@ class Statement:
             figures=tuple(dict.fromkeys(group for measure in needs for group in measure.figures)),
             level=compiled_level(level, 1)[0] or NUMPY,
             threads=threads,
+            surroundings=surroundings,
         )
         self._try_once()
 

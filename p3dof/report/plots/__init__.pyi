@@ -11,13 +11,14 @@ from .maps import loci_figure, map_figure, slices_figure
 from .mechanism import mechanism_figure
 from .designs import front_figure, optimum_figure
 from .robot_run import robot_run_figure
-from .tasks import balance_figure, drives_figure, task_figure
+from .tasks import balance_figure, clearance_figure, drives_figure, task_figure
 from .designs import sensitivity_figure, tolerance_figure
 
 __all__ = [
     "axis_forces_figure",
     "balance_figure",
     "calibration_figure",
+    "clearance_figure",
     "comparison_figure",
     "designs_figure",
     "drives_figure",

@@ -12,11 +12,13 @@ from p3dof._base.errors import InputError
 from p3dof._base.tables import percent
 from p3dof.design.assessment import Assessment
 from p3dof.design.balance import BestBalance
+from p3dof.design.clearance import Clearance, CollisionModel
 from p3dof.design.drives import Cycle, Sizing
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
 from p3dof.report.plots.common import COLOURS, new_figure, tidy
+from p3dof.report.plots.mechanism import FRONT, SIDE, TOP, hull
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -312,3 +314,79 @@ def _mark_verdict(axis: Axes, found: Assessment, named: bool) -> None:
 
 def _require(found: Assessment) -> None:
     require("found", found, Assessment)
+
+
+_NEAREST = 6  # pairs of parts that have a line
+_SHADES = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+_SEEN = {FRONT: ("y0", "z0"), SIDE: ("x0", "z0"), TOP: ("y0", "-x0")}
+
+
+def clearance_figure(found: Clearance) -> Figure:
+    """Draw the least distances of the nearest parts over time, and the machine where two are nearest.
+
+    Over a workspace the distances are bars. The machine is seen along the axis across which the distance
+    shows best; the two parts that are nearest are coloured, and a line joins their nearest points.
+
+    Parameters
+    ----------
+    found : Clearance
+        Of `p3dof.design.clearance_of` or `clearance_over`.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        If it is something else; if matplotlib is not installed.
+    """
+    require("found", found, Clearance)
+    figure = new_figure(figsize=(10.5, 5.2))
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    if math.isnan(found.least.time):
+        _draw_bars(left, found)
+    else:
+        _draw_distances(left, found)
+    _draw_nearest(right, found)
+    return figure
+
+
+def _draw_bars(axis: Axes, found: Clearance) -> None:
+    nearest = found.approaches[:_NEAREST]
+    rows = np.arange(len(nearest))[::-1]
+    axis.barh(rows, [1e3 * one.distance for one in nearest], color=_SHADES[: len(nearest)], zorder=2)
+    axis.axvline(1e3 * found.required, color="0.2", ls="--", lw=1.0)
+    axis.set_xlabel("least distance [mm]")
+    tidy(axis)
+    axis.set_yticks(rows, [one.names for one in nearest])
+
+
+def _draw_distances(axis: Axes, found: Clearance) -> None:
+    for one, shade in zip(found.approaches[:_NEAREST], _SHADES, strict=False):
+        distances = found.distances[:, found.pairs.index(one.parts)]
+        axis.plot(found.time, 1e3 * distances, color=shade, lw=1.4, label=one.names)
+        axis.plot(one.time, 1e3 * one.distance, "o", color=shade, ms=4)
+    axis.axhline(1e3 * found.required, color="0.2", ls="--", lw=1.0)
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("distance [mm]")
+    axis.legend(loc="best", fontsize=8)
+    tidy(axis)
+
+
+def _draw_nearest(axis: Axes, found: Clearance) -> None:
+    """Draw all parts at the pose where two are nearest."""
+    one, mm = found.least, 1e3
+    view = max(_SEEN, key=lambda each: float(np.linalg.norm(np.diff(each.project(one.points), axis=0))))
+    turn = 2 * np.pi * np.arange(24) / 24
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    solids = CollisionModel(found.machine, found.surroundings).solids(one.pose)
+    from_behind = sorted(solids, key=lambda s: (s[0] in one.parts, float((s[1] @ view.toward).mean())))
+    for name, corners, radius in from_behind:
+        outline = hull((view.project(corners)[:, None] + radius * circle).reshape(-1, 2))
+        colour = _SHADES[one.parts.index(name)] if name in one.parts else "0.8"
+        axis.fill(*(mm * outline.T), facecolor=colour, edgecolor="0.35", lw=0.6, alpha=0.75)
+    axis.plot(*(mm * view.project(one.points).T), "-o", color="black", ms=3.5, lw=1.6)
+    axis.set_aspect("equal", adjustable="box")
+    across, up = _SEEN[view]
+    axis.set_xlabel(f"{across} [mm]")
+    axis.set_ylabel(f"{up} [mm]")
+    when = "" if math.isnan(one.time) else f" at t = {one.time:.4g} s"
+    axis.set_title(f"{one.names}: {mm * one.distance:.4g} mm{when}", fontsize=9)
+    tidy(axis)
