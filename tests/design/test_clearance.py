@@ -713,3 +713,23 @@ def test_designs_out_of_reach_have_no_clearance():
     found = problem.evaluate([[0.17], [0.4]])["motion_clearance"]
     assert np.isnan(found).tolist() == [True, False]
     assert np.isnan(problem.evaluate([[0.17]])["motion_clearance"]).all()
+
+
+@pytest.mark.parametrize("y", [0.0, 0.1, 0.2, 0.245])
+def test_the_rods_of_the_parallelogram_close_as_it_leans(y):
+    """Parallel lines 2b apart along y, 2b √(1 - (y/L)²) across: nothing where it is flat."""
+    wide = replace(PAPER, geometry=replace(PAPER.geometry, R=0.1, r=0.09, L=0.26))
+    model = CollisionModel(wide, Surroundings(dimensions={"rod_radius": 0.01}))
+    pair = next(k for k, names in enumerate(model.names) if set(names) == {"rod_left", "rod_right"})
+    found = model.distances(np.array([[y, 0.0, 0.0]]))[0, pair]
+    assert found == pytest.approx(0.1 * math.sqrt(1 - (y / 0.26) ** 2) - 0.02, abs=1e-10)
+
+
+@pytest.mark.parametrize("r", [0.012, 0.01, 0.006])
+def test_legs_whose_lower_ends_meet_overlap_there(r):
+    small = replace(PAPER, geometry=replace(PAPER.geometry, r=r))
+    model = CollisionModel(small, Surroundings(dimensions={"rod_radius": 0.01}))
+    pair = next(k for k, names in enumerate(model.names) if set(names) == {"leg_a", "leg_b"})
+    assert model.distances(HOME)[0, pair] == pytest.approx(2 * r - 0.02, abs=1e-10)
+    points = model.points(HOME[0], pair)
+    assert points[:, 2] == pytest.approx(-math.sqrt(0.4**2 - (0.25 - r) ** 2), abs=1e-6)

@@ -383,6 +383,7 @@ def _draw_nearest(axis: Axes, found: Clearance) -> None:
         colour = _SHADES[one.parts.index(name)] if name in one.parts else "0.8"
         axis.fill(*(mm * outline.T), facecolor=colour, edgecolor="0.35", lw=0.6, alpha=0.75)
     axis.plot(*(mm * view.project(one.points).T), "-o", color="black", ms=3.5, lw=1.6)
+    axis.set_axisbelow(True)
     axis.set_aspect("equal", adjustable="box")
     across, up = _SEEN[view]
     axis.set_xlabel(f"{across} [mm]")
