@@ -452,7 +452,7 @@ def _parts_of(parameters: Parameters, around: Surroundings, size: Dimensions) ->
     parts = []
     for name in _BODIES:
         if name == _PLATFORM:  # its link has its frame at C5, the body at P
-            solids: tuple[_Solid, ...] = (_plate(visuals[name], size, np.array([-geometry.r, 0.0, 0.0])),)
+            solids: tuple[_Solid, ...] = (_plate(visuals[name], size, np.array([-geometry.r, 0.0])),)
         else:  # both cross-bars are alike, in the frames of their bodies
             drawn = visuals["crossbar_upper" if name == "crossbar_lower" else name]
             solids = tuple(
@@ -506,7 +506,7 @@ def _plate(slabs: Sequence[Any], size: Dimensions, shift: FloatArray) -> _Solid:
     ring = size.corner_radius / math.cos(math.pi / CORNERS) * np.array([np.cos(angles), np.sin(angles)]).T
     middles = [one.placement.position[:2] for one in slabs if isinstance(one.shape, Cylinder)]
     outline = np.concatenate([middle + ring for middle in middles])
-    outline = outline[ConvexHull(outline).vertices] + shift[:2]
+    outline = outline[ConvexHull(outline).vertices] + shift
     half = np.full((len(outline), 1), size.plate_thickness / 2)
     corners = np.concatenate([np.hstack([outline, -half]), np.hstack([outline, half])])
     coal = _coal()

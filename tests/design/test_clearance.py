@@ -201,6 +201,43 @@ def test_distances_of_all_pairs_are_those_of_wolfes_algorithm(seed):
         assert min(lower for _, lower in both) == pytest.approx(apart, abs=1e-9 * geometry.L)
 
 
+def test_solids_are_where_pinocchio_has_them(robot):
+    pose = np.array([0.05, -0.02, 0.3])
+    ends = np.array([[0.01, 0.02, 0.03], [-0.04, 0.05, -0.2]])
+    post = CollisionShape("post", ends=ends, radius=0.03)
+    wanted = placed_by_pinocchio(robot, pose) | {"post": [(ends, 0.03)]}
+    given = {}
+    for name, corners, radius in CollisionModel(PAPER, Surroundings(obstacles=post)).solids(pose):
+        given.setdefault(name, []).append((corners, radius))
+    assert given.keys() == wanted.keys()
+    for name, solids in given.items():
+        if name == "platform":  # less what lies within the hull of the three rings
+            ((corners, _),), ((rings, _),) = solids, wanted[name]
+            nearest = np.linalg.norm(corners[:, None] - rings[None], axis=2).min(axis=1)
+            assert nearest.max() < 1e-14
+            assert np.ptp(corners, axis=0) == pytest.approx(np.ptp(rings, axis=0), abs=1e-14)
+            continue
+        for found, expected in (
+            [np.sort(np.round(np.c_[one[0], np.full(len(one[0]), one[1])], 9), axis=0) for one in both]
+            for both in zip(
+                sorted(solids, key=lambda one: one[0].mean(axis=0).round(9).tolist()),
+                sorted(wanted[name], key=lambda one: one[0].mean(axis=0).round(9).tolist()),
+                strict=True,
+            )
+        ):
+            assert found == pytest.approx(expected, abs=2e-9)
+
+
+def test_corners_move_as_their_positions_do():
+    """By differences over a short time, of all that moves at once, with a payload."""
+    held = CollisionShape("held", size=(0.1, 0.2, 0.3), at=(0.1, 0.0, 0.2), turn=(0.1, 0.2, 0.3))
+    model, step = CollisionModel(PAPER, Surroundings(held)), 1e-6
+    pose, velocity = np.array([[0.05, -0.02, 0.3]]), np.array([[0.4, -0.3, 2.0]])
+    found = model._corners(pose, velocity)[1]
+    ahead, behind = (model._corners(pose + sign * step * velocity, 0 * pose)[0] for sign in (1, -1))
+    assert found == pytest.approx((ahead - behind) / (2 * step), abs=1e-8)
+
+
 def test_nearest_points_are_as_far_apart_and_in_their_parts(robot):
     pose = np.array([0.05, -0.02, 0.3])
     model, solids = CollisionModel(PAPER), placed_by_pinocchio(robot, pose)
@@ -488,6 +525,7 @@ def test_arguments_are_checked(robot):
         (lambda: clearance_over(robot, 3), "space"),
         (lambda: clearance_over(robot, required=math.nan), "required"),
         (lambda: clearance_over(robot, grid=(1, 2, 3)), "grid"),
+        (lambda: clearance_over(robot, grid=(2, 2, 202)), "grid"),
         (lambda: clearance_over(robot, grid=(3, 3)), "grid"),
     ):
         with pytest.raises(InputError, match=words):
