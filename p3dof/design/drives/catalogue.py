@@ -348,7 +348,12 @@ def _number(value: float, quantity: Quantity) -> str:
 
 
 def _generic() -> Catalogue:
-    """Return sizes that are typical of servo motors and rolled ball screws; no maker's."""
+    """Return sizes that are typical of servo motors and ball screws; no maker's.
+
+    Powers at 3000 rpm with flanges of 40 mm (to 100 W), 60 mm (to 400 W), 80 mm (to 1 kW) and 130 mm. Screws
+    of nominal diameters and leads of ISO 3408-2; their roots are smaller by little more than a ball, of 1.5,
+    2.381, 3.175 (16 to 25 mm) and 4.763 mm.
+    """
     rpm = math.pi / 30
     sizes = [
         ("50 W", 0.16, 4e-6),
@@ -356,7 +361,9 @@ def _generic() -> Catalogue:
         ("200 W", 0.64, 2.5e-5),
         ("400 W", 1.27, 4.5e-5),
         ("750 W", 2.4, 1.2e-4),
+        ("1 kW", 3.18, 2e-4),
         ("1.5 kW", 4.8, 6e-4),
+        ("2 kW", 6.37, 9e-4),
         ("3 kW", 9.6, 1.5e-3),
     ]
     motors = [
@@ -371,9 +378,19 @@ def _generic() -> Catalogue:
         )
         for name, torque, inertia in sizes
     ]
+    diameters: list[tuple[int, float, tuple[float, ...]]] = [
+        (8, 6.5, (2.5, 5)),
+        (12, 9.5, (5, 10)),
+        (16, 12.7, (5, 10, 16)),
+        (20, 16.7, (5, 10, 20)),
+        (25, 21.7, (5, 10, 25)),
+        (32, 27.0, (10, 20, 32)),
+    ]
     screws = [
-        Screw(lead=lead / 1e3, diameter=core / 1e3, length=0.5, efficiency=0.9, name=f"generic {size}x{lead}")
-        for size, core, leads in ((12, 9.5, (5, 10)), (16, 12.7, (5, 10, 16)), (20, 16.7, (5, 10, 20)))
+        Screw(
+            lead=lead / 1e3, diameter=core / 1e3, length=0.5, efficiency=0.9, name=f"generic {size}x{lead:g}"
+        )
+        for size, core, leads in diameters
         for lead in leads
     ]
     return Catalogue(motors, screws)
