@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+import p3dof
 from p3dof.design.drives import Belt, Drive, Gear, Motor, Screw
 
 RPM = math.pi / 30
@@ -32,6 +33,29 @@ BACK = {"geared": (2 - 1 / 0.85, 2 - 1 / 0.93), "belted": (0.8, 1.0), "plain": (
 SLOW = {"geared": 6e-5, "belted": 5e-4, "plain": math.pi * 7850 * 0.012**4 * 0.9 / 32}
 TURN = {"geared": 2 * math.pi / 0.016, "belted": 40.0, "plain": 2 * math.pi / 0.01}
 WHIRL = {"geared": (15.418206, 0.7, 0.011, 2.045748), "plain": (3.516015, 0.9, 0.012, 0.25)}
+
+D1 = Drive(Motor(1.6, 30.0, 1e4, 1e-4, time_constant=30.0), Screw(0.01, 0.9, 0.888889, inertia=2e-4))
+D2 = Drive(Motor(1.6, 30.0, 1e4, 0.5e-4), Screw(0.02, 0.9, 0.888889, inertia=1e-4))
+"""The reference drives; their numbers were computed elsewhere: by Pinocchio with trapezoids, and by virtual
+power with Gauss quadrature."""
+
+
+def slowed(samples):
+    """The paper's path from rest to rest in one second."""
+    tau = np.linspace(0, 1, samples)
+    t = tau**3 * (10 + tau * (6 * tau - 15))
+    rate, change = 30 * (tau * (1 - tau))[:, None] ** 2, (60 * tau * (1 - tau) * (1 - 2 * tau))[:, None]
+    w = 4 * np.pi
+    pose = np.column_stack(
+        [-(t**2) * (t**2 - 1.3 * t + 0.3), 0.2 * t**2 * (2 * t**2 - t - 1), 0.4 * np.sin(w * t)]
+    )
+    slope = np.column_stack(
+        [-t * (4 * t**2 - 3.9 * t + 0.6), 0.2 * t * (8 * t**2 - 3 * t - 2), 0.4 * w * np.cos(w * t)]
+    )
+    bend = np.column_stack(
+        [-(12 * t**2 - 7.8 * t + 0.6), 0.2 * (24 * t**2 - 6 * t - 2), -0.4 * w**2 * np.sin(w * t)]
+    )
+    return p3dof.Motion(tau, pose, slope * rate, bend * rate**2 + slope * change)
 
 
 def trapezoids(time, values):

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import zip_longest
 from typing import Any
 
 from p3dof._base.checks import is_number, with_point
@@ -80,6 +81,7 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})\s*([^\d\s.,+-].*?)\s*\Z", re.ASCII | re.DOTALL)
 _FACTOR = re.compile(r"([A-Za-zµ°Ω]+)\^?(-?[1-9])?\Z")
 _LONGEST = 60  # longest text that is taken for a number with a unit [characters]
+_BASE = 5  # units of which all others are products
 _DEEPEST = 3  # how long a list of numbers may be, in each direction
 
 
@@ -160,7 +162,7 @@ def _unit(text: str) -> tuple[_Powers, Fraction] | None:
                 return None
             count = sign * int(match[2] or 1)
             base, scale = _UNITS[match[1]]
-            powers = [p + count * b for p, b in zip(powers, base, strict=True)]
+            powers = [p + count * b for p, b in zip_longest(powers, base, fillvalue=0)]
             factor *= scale**count
     return (powers[0], powers[1], powers[2], powers[3], powers[4]), factor
 
@@ -189,4 +191,9 @@ VOLTAGE = Quantity("a voltage", "V", ("kV",))
 RESISTANCE = Quantity("a resistance", "ohm", ("mohm",))
 INDUCTANCE = Quantity("an inductance", "H", ("mH",))
 FLUX = Quantity("a flux linkage", "V s", ("V s/rad", "mV s"))
+ENERGY = Quantity("an energy", "J", ("kJ",))
+CURRENT = Quantity("a current", "A", ("mA",))
+VOLTAGE = Quantity("a voltage", "V", ("mV",))
+RESISTANCE = Quantity("a resistance", "ohm", ("mohm",))
+CAPACITANCE = Quantity("a capacitance", "F", ("uF",))
 TORQUE_CONSTANT = Quantity("a torque constant", "N m/A", ("Nm/A",))

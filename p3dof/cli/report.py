@@ -26,7 +26,16 @@ from p3dof.cli.kinds import FIGURE, Whole
 from p3dof.cli.machine import PARAMETERS, actuator_options, any_size, driven, machine_of, payloads_in_words
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.cli.reactions import JOINTS
-from p3dof.cli.work import CLEARANCE, SAMPLES, SURROUNDINGS, Work, surroundings_in, task_named, with_work
+from p3dof.cli.work import (
+    CLEARANCE,
+    SAMPLES,
+    STOPS,
+    SURROUNDINGS,
+    Work,
+    surroundings_in,
+    task_named,
+    with_work,
+)
 from p3dof.design.bearings import read_bearings
 from p3dof.design.clearance import clearance_of
 from p3dof.design.design_comparison import (
@@ -56,6 +65,7 @@ _LARGEST_FILE = 50_000_000
 @with_work
 @SURROUNDINGS
 @CLEARANCE
+@STOPS
 @click.option(
     "--out",
     type=OutputFile("report"),
@@ -77,6 +87,7 @@ def report(
     work: Work,
     surroundings: Path | None,
     clearance: float | None,
+    stops: bool,
 ) -> int:
     """Write a report in one file, HTML or PDF (needs the extra 'report').
 
@@ -92,8 +103,14 @@ def report(
     )
     apart = _Apart(surroundings, clearance)
     told = _Told(
-        out, title, page, _command(case, task_file, work, joints, stiffness, apart, out, title, page)
+        out,
+        title,
+        page,
+        _command(case, task_file, work, joints, stiffness, apart, out, title, page, stops),
+        stops,
     )
+    if stops and work.drives is None:
+        raise click.UsageError("--stops: drives stop the machine: give them with --drives")
     if task_file is not None or work.asks or apart.asks:
         if joints != ALL:
             raise click.UsageError("--joint-model: parts are checked against the loads of elastic joints")
@@ -121,6 +138,7 @@ class _Told:
     title: str | None
     page: bool
     command: str
+    stops: bool
 
     @property
     def printed(self) -> bool:
@@ -160,7 +178,7 @@ def _assessed(
     if apart.asks:
         around = surroundings_in(apart.surroundings)
         near = clearance_of(robot, found, around, required=apart.clearance or 0.0)
-    result = work.assessed(robot, found, given, told.title or "", limits, near)
+    result = work.assessed(robot, found, given, told.title or "", limits, near, told.stops)
     page = pages.moving_page(result) if told.page else None
     picture = None
     if told.printed and page is not None:
@@ -277,6 +295,7 @@ def _command(
     out: Path,
     title: str | None,
     page: bool,
+    stops: bool,
 ) -> str:
     """Return the command that makes this report."""
     payload = case.payload and ",".join(repr(float(part)) for part in (case.payload.mass, *case.payload.com))
@@ -293,6 +312,7 @@ def _command(
         **work.options,
         "--surroundings": apart.surroundings,
         "--clearance": apart.clearance,
+        "--stops": stops or None,
         "--title": title,
         "--out": out,
     }
@@ -368,6 +388,7 @@ def designs(
             load_friction=load_friction_in(work.load_friction),
             rest=work.rest,
             brake_safety=work.brake_safety,
+            per_axis=work.per_axis,
             samples=samples,
             progress=progress,
         )

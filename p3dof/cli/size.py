@@ -15,11 +15,12 @@ from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, sour
 from p3dof.cli.kinds import DURATION, FIGURE, Whole, table_out
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
 from p3dof.cli.output import print_plain, print_written, progress_bar, show
-from p3dof.cli.work import BRAKE, REST
+from p3dof.cli.work import BRAKE, PER_AXIS, REST, STOPS
 from p3dof.design.assessment import frictionless
 from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_table, best_balance
 from p3dof.design.drives import (
     GENERIC,
+    StopLoads,
     axes_table,
     caveats,
     cycle_of,
@@ -27,12 +28,14 @@ from p3dof.design.drives import (
     ranking_table,
     ratings_table,
     read_catalogue,
+    stops_table,
+    supply_table,
     verdict,
     write_ranking,
 )
 from p3dof.design.fastest import limits_of, sizing_table, within_limits
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
-from p3dof.design.sizing import size_drives
+from p3dof.design.sizing import size_drives, stopped_safely
 from p3dof.design.tasks import read_task
 from p3dof.machine.parameters import Body, write_parameters
 from p3dof.manipulator import Manipulator
@@ -54,6 +57,8 @@ _TASKS = (".yaml", ".yml")
 @DURATION
 @REST
 @BRAKE
+@PER_AXIS
+@STOPS
 @click.option("--samples", type=Whole(2, 1_000_000), default=4001, help="Least number of samples.")
 @click.option("--top", type=Whole(1), default=10, help="Number of drives to list.")
 @METHOD
@@ -68,6 +73,8 @@ def size(
     duration: float | None,
     rest: float,
     brake_safety: float,
+    per_axis: bool,
+    stops: bool,
     samples: int,
     top: int,
     method: str,
@@ -79,8 +86,8 @@ def size(
     """Size motors and screws for a task: lists the drives that fit, the smallest first.
 
     Every motor of the catalogue is combined with every gear and every screw or belt, the same on all three
-    axes. Exit code 1 when no drive fits, the machine cannot perform the task, or a limit of the machine or
-    of the task is exceeded.
+    axes, or another on each (--per-axis, or axes of the catalogue). Exit code 1 when no drive fits, the
+    machine cannot perform the task, or a limit of the machine or of the task is exceeded.
     """
     protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
     task = read_task(source(task_file))
@@ -93,8 +100,19 @@ def size(
     given = stiffness_in(stiffness)
     found = forces_of_task(robot, plan, method, load_friction=friction, stiffness=given)
     with progress_bar("drives", len(catalogue)) as progress:
-        ranked = size_drives(robot, found, catalogue, rest=rest, brake_safety=brake_safety, progress=progress)
+        ranked = size_drives(
+            robot,
+            found,
+            catalogue,
+            rest=rest,
+            brake_safety=brake_safety,
+            per_axis=per_axis,
+            progress=progress,
+        )
     console = console_beside(out)
+    stopped: tuple[StopLoads, ...] = ()
+    if stops:
+        ranked, stopped = stopped_safely(robot, found, ranked, catalogue.stop)
     best = ranked[0]
     nearest = "" if best.fits else "comes nearest, but "
     told = verdict(best, lambda time: found.piece_at(time).name)
@@ -104,6 +122,10 @@ def size(
     print_plain(console, f"not checked: {'; '.join((*not_checked(best), *frictionless(robot, found)))}")
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
+    if best.supply is not None:
+        show(console, supply_table(best.supply), notes=True)
+    if stopped:
+        show(console, stops_table(stopped), notes=True)
     machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None
     show(console, sizing_table(found, machine, own), notes=True)
     within = within_limits(found, machine, own)

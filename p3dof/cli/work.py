@@ -47,6 +47,8 @@ CLEARANCE = click.option(
     type=Amount(LENGTH, zero=True),
     help="Least distance that all parts must keep, such as '5 mm'; 0 for none that overlap.",
 )
+PER_AXIS = click.option("--per-axis", is_flag=True, help="Choose the drive of each axis on its own.")
+STOPS = click.option("--stops", is_flag=True, help="Also compute emergency stops at all instants.")
 _OPTIONS = (
     click.option("--drives", type=InputFile(), help="Catalogue of motors, gears, screws and belts (YAML)."),
     click.option(
@@ -61,6 +63,7 @@ _OPTIONS = (
     ),
     REST,
     BRAKE,
+    PER_AXIS,
 )
 
 
@@ -75,6 +78,7 @@ class Work:
     fastest: bool  # whether tasks are done as fast as the limits allow
     rest: float  # after each cycle [s]
     brake_safety: float  # of holding brakes
+    per_axis: bool  # whether the axes may have different drives
 
     @property
     def asks(self) -> bool:
@@ -92,6 +96,7 @@ class Work:
             "--fastest": self.fastest or None,
             "--rest": self.rest or None,
             "--brake-safety": None if self.brake_safety == BRAKE_SAFETY else self.brake_safety,
+            "--per-axis": self.per_axis or None,
         }
 
     def protect(
@@ -133,6 +138,7 @@ class Work:
         name: str,
         limits: AxisLimits | None = None,
         clearance: Clearance | None = None,
+        stops: bool = False,
     ) -> Assessment:
         """Return whether a machine fits what it has to do."""
         catalogue = None if self.drives is None else read_catalogue(source(self.drives))
@@ -147,6 +153,8 @@ class Work:
                 limits=limits,
                 rest=self.rest,
                 brake_safety=self.brake_safety,
+                per_axis=self.per_axis,
+                stops=stops,
                 name=name,
                 clearance=clearance,
                 progress=progress,

@@ -33,6 +33,7 @@ from p3dof.design.drives import (
     Drive,
     Margins,
     Sizing,
+    StopLoads,
     caveats,
     cycle_of,
     not_checked,
@@ -155,6 +156,8 @@ class Assessment(ShownInNotebook):
         Where its motors work.
     clearance : Clearance or None
         How near parts come to each other; None if nobody asked.
+    stops : tuple of StopLoads
+        Emergency stops with the first of the drives; none if nobody asked for them.
     """
 
     name: str
@@ -168,6 +171,7 @@ class Assessment(ShownInNotebook):
     limits: AxisLimits | None = None
     ambient: Ambient = field(default_factory=Ambient)
     clearance: Clearance | None = None
+    stops: tuple[StopLoads, ...] = ()
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"
@@ -325,11 +329,13 @@ class Assessment(ShownInNotebook):
     def _of_drives(self) -> list[RatingUse]:
         if self.drives is None:
             return []
+        axes = zip(LEGS, self.drives.axes, strict=True)
+        owned = [*((leg, one) for leg, axis in axes for one in axis.ratings), *self.drives.others]
         return [
             RatingUse(
                 "drive",
                 one.name,
-                leg,
+                owner,
                 one.required,
                 one.allowed,
                 one.unit,
@@ -338,8 +344,7 @@ class Assessment(ShownInNotebook):
                 one.margin,
                 one.assumed,
             )
-            for leg, axis in zip(LEGS, self.drives.axes, strict=True)
-            for one in axis.ratings
+            for owner, one in owned
         ]
 
     def _of_bearings(self) -> list[RatingUse]:
@@ -382,6 +387,8 @@ def assess(
     brake_safety: float = BRAKE_SAFETY,
     margins: Margins | None = None,
     ambient: Ambient | None = None,
+    per_axis: bool = False,
+    stops: bool = False,
     name: str = "",
     clearance: Clearance | None = None,
     progress: Progress | None = None,
@@ -409,6 +416,10 @@ def assess(
         How much more a brake must hold than what it bears.
     margins, ambient : Margins and Ambient, optional
         What of each rating of drives must stay free, and where motors work; see `size_drives`.
+    per_axis : bool
+        Whether the axes may have different drives.
+    stops : bool
+        Whether emergency stops with the best of the drives count too, with the `stop` of a catalogue.
     name : str
         What the assessment is called; the name of the task without one.
     clearance : Clearance, optional
@@ -444,8 +455,15 @@ def assess(
             brake_safety=brake_safety,
             margins=margins,
             ambient=ambient,
+            per_axis=per_axis,
             progress=progress,
         )
+    stopped: tuple[StopLoads, ...] = ()
+    if stops:
+        if not ranked:
+            raise InputError("stops: expected drives, which stop the machine")
+        ramp = drives.stop if isinstance(drives, Catalogue) else None
+        ranked, stopped = stopped_safely(robot, found, ranked, ramp)
     loads = report = None
     if bearings is not None or stiffness is not None:
         loads = _reactions(robot, found, stiffness)
@@ -453,7 +471,7 @@ def assess(
         report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
     place = ambient or (drives.ambient if isinstance(drives, Catalogue) else Ambient())
-    parts = loads, report, stiffness, limits, place, clearance
+    parts = loads, report, stiffness, limits, place, clearance, stopped
     return Assessment(told, robot, found, pause, tuple(ranked), *parts)
 
 
@@ -649,7 +667,7 @@ def assumptions(found: Assessment) -> dict[str, str]:
             "efficiency acts on the force at the nut only, in the direction of its power, not on the inertia "
             "of motor and screw; rms torque is compared with the continuous torque at the rms speed, at rest "
             f"the motor holds; screws run to {WHIRL:.0%} of their critical speed and {BUCKLING:.0%} of "
-            f"Euler's load; {'the same' if _alike(found.drives) else 'another'} drive on each axis"
+            f"Euler's load; {'the same' if ':' not in found.drives.name else 'another'} drive on each axis"
         )
         told["margins"] = _margins(found.drives)
         told["ambient"] = _ambient(found)
@@ -667,10 +685,6 @@ def assumptions(found: Assessment) -> dict[str, str]:
     gravity = ", ".join(f"{value:g}" for value in parameters.gravity)
     told["gravity"] = f"({gravity}) m/s²"
     return told
-
-
-def _alike(sizing: Sizing) -> bool:
-    return len(set(map(id, sizing.drives))) == 1
 
 
 def _margins(sizing: Sizing) -> str:

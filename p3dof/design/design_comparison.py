@@ -182,6 +182,7 @@ def compare_designs(
     load_friction: LoadFriction | None = None,
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
+    per_axis: bool = False,
     samples: int = 2001,
     progress: Progress | None = None,
 ) -> list[DesignComparison]:
@@ -200,7 +201,7 @@ def compare_designs(
         Do each task as fast as each machine's own limits allow.
     drives : iterable of Drive, optional
         Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them.
-    bearings, stiffness, rest, brake_safety
+    bearings, stiffness, rest, brake_safety, per_axis
         As of `assess`.
     load_friction : LoadFriction, optional
         Friction of all machines that grows with the loads of their joints.
@@ -253,6 +254,7 @@ def compare_designs(
                 limits=_limits(robot, jobs[job]),
                 rest=rest,
                 brake_safety=brake_safety,
+                per_axis=per_axis,
                 name=job if alone else name,
             )
         )

@@ -2,18 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from heapq import heappop, heappush
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DriveError, InputError
-from p3dof.design.drives import VERDICTS, Ambient, Catalogue, Drive, Margins, Sizing, cycle_of, size_of
+from p3dof.design.drives import (
+    VERDICTS,
+    Ambient,
+    AxisLoads,
+    Catalogue,
+    Drive,
+    Margins,
+    Sizing,
+    StopLoads,
+    StopRamp,
+    Supply,
+    cycle_of,
+    size_of,
+    with_others,
+    with_supply,
+)
 from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Friction, Parameters
+from p3dof.machine.parameters import LEGS, Friction, Parameters
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
@@ -29,6 +46,8 @@ def size_drives(
     brake_safety: float = BRAKE_SAFETY,
     margins: Margins | None = None,
     ambient: Ambient | None = None,
+    supply: Supply | None = None,
+    per_axis: bool = False,
     progress: Progress | None = None,
 ) -> list[Sizing]:
     """Return what a motion or a task takes of drives, the best first.
@@ -36,6 +55,11 @@ def size_drives(
     Each drive is tried on all three axes. Those that fit with their margins come first, the weakest motor
     first, by rated torque times rated speed; among equal motors that whose ratings are used least. Then
     those that fit without reserve, then those that do not fit, by the rating that they exceed most.
+
+    With `per_axis`, or of a catalogue with `axes`, each axis may have another drive. Axes are independent but
+    for their supply: combinations of the drives that fit alone are tried by the sum of rated powers, the
+    smallest first, until `COMBINATIONS` fit (or eight times as many were tried); of an axis that none fits,
+    the drive that comes nearest stays.
 
     Forces are those at the nuts: each drive's own turning parts are added at the motor, and an armature of
     the machine, which stands for those of another drive, is left out. Brakes must hold the
@@ -57,6 +81,10 @@ def size_drives(
         What of each rating must stay free; those of a `Catalogue`, or the usual ones, without it.
     ambient : Ambient, optional
         Where the motors work; that of a `Catalogue`, or up to 40 °C and 1000 m, without it.
+    supply : Supply, optional
+        What feeds the amplifiers; that of the catalogue without it.
+    per_axis : bool
+        Whether the axes may have different drives.
     progress : callable, optional
         Called with (done, total) drives.
 
@@ -81,36 +109,179 @@ def size_drives(
     chosen = [drives] if isinstance(drives, Drive) else list(drives)
     if not chosen:
         raise DriveError("drives: expected at least one, got none")
+    source = supply
+    of_axes = [chosen] * 3
+    if isinstance(drives, Catalogue):
+        source = drives.supply if supply is None else supply
+        names = [{drive.name for drive in drives.of_axis(leg)} for leg in LEGS]
+        of_axes = [[drive for drive in chosen if drive.name in allowed] for allowed in names]
+        per_axis = per_axis or bool(drives.axes)
     cycle = cycle_of(found, rest)
     held, when, mass, last = _static(robot, found)
     cycle = replace(cycle, holding=last)
+
+    def sized(parts: Drive | Sequence[Drive]) -> Sizing:
+        sizing = size_of(
+            cycle,
+            parts,
+            held=held,
+            held_time=when,
+            load_mass=mass,
+            brake_safety=brake_safety,
+            margins=margins,
+            ambient=ambient,
+        )
+        return sizing if source is None else with_supply(sizing, cycle, source)
+
     sizings = []
     for done, drive in enumerate(chosen, 1):
         if not isinstance(drive, Drive):
             raise DriveError(f"drives: expected Drive objects, got {shown(drive)}")
-        sizings.append(
-            size_of(
-                cycle,
-                drive,
-                held=held,
-                held_time=when,
-                load_mass=mass,
-                brake_safety=brake_safety,
-                margins=margins,
-                ambient=ambient,
-            )
-        )
+        sizings.append(sized(drive))
         if progress is not None:
             progress(done, len(chosen))
+    if per_axis:
+        alone = {id(one.drives[0]): one.axes for one in sizings}
+        loads = [[alone[id(drive)][k] for drive in part] for k, part in enumerate(of_axes)]
+        sizings = _combined(of_axes, loads, sized)
     return sorted(sizings, key=_rank)
 
 
+STOPPED = 10
+"""How many drives are tried in emergency stops, until one fits."""
+COMBINATIONS = 50
+"""How many combinations of different drives are looked for that fit."""
+
+
+def _combined(
+    drives: Sequence[Sequence[Drive]],
+    loads: Sequence[Sequence[AxisLoads]],
+    sized: Callable[[Sequence[Drive]], Sizing],
+) -> list[Sizing]:
+    """Return combinations of drives of A, B and C, the least sum of rated powers first.
+
+    Each axis is ranked alone. The next drive of an axis has a larger power or, at the same, uses more of a
+    rating: no combination comes before those that it follows from, and a queue gives them in order.
+    """
+    ranked = []
+    for part, axes in zip(drives, loads, strict=True):
+        each = [
+            (one.worst.share, _power(drive), k) for k, (drive, one) in enumerate(zip(part, axes, strict=True))
+        ]
+        fitting = sorted((power, share, k) for share, power, k in each if axes[k].fits)
+        share, power, k = min(each)
+        ranked.append([(p, s, part[k]) for p, s, k in fitting] or [(power, share, part[k])])
+
+    def key(place: tuple[int, ...]) -> tuple[float, float, tuple[int, ...]]:
+        chosen = [axis[k] for axis, k in zip(ranked, place, strict=True)]
+        return sum(one[0] for one in chosen), max(one[1] for one in chosen), place
+
+    start: tuple[int, ...] = (0, 0, 0)
+    found: list[Sizing] = []
+    queue, seen, fit = [key(start)], {start}, 0
+    while queue and fit < COMBINATIONS and len(found) < 8 * COMBINATIONS:
+        *_, place = heappop(queue)
+        found.append(sized([axis[k][2] for axis, k in zip(ranked, place, strict=True)]))
+        fit += found[-1].fits
+        for leg in range(3):
+            following = tuple(k + (j == leg) for j, k in enumerate(place))
+            if following[leg] < len(ranked[leg]) and following not in seen:
+                seen.add(following)
+                heappush(queue, key(following))
+    return found
+
+
+def _power(drive: Drive) -> float:
+    return drive.motor.rated_torque * float(drive.motor.rated_speed or 0.0)
+
+
 def _rank(sizing: Sizing) -> tuple[float, ...]:
-    motor = sizing.drives[0].motor
-    power = motor.rated_torque * float(motor.rated_speed or 0.0)
+    power = sum(map(_power, sizing.drives))
     share = sizing.worst[1].share
     place = VERDICTS.index(sizing.verdict)
     return (place, power, share) if place < 2 else (place, share, power)
+
+
+def emergency_stops(
+    robot: Manipulator,
+    found: InverseDynamics | TaskForces,
+    drives: Drive | Sequence[Drive],
+    ramp: StopRamp | None = None,
+    *,
+    instants: int = 200,
+) -> tuple[StopLoads, ...]:
+    """Return the worst emergency stops of a motion or a task: by the drives on a ramp, and by brakes alone.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    found : InverseDynamics or TaskForces
+        Its forces over a motion or a task.
+    drives : Drive or sequence of Drive
+        One for all axes, or those of A, B and C.
+    ramp : StopRamp, optional
+        How the drives stop; without it only the stops by brakes are worked out.
+    instants : int
+        From how many instants, at least one of each piece of the task; more than half of the samples are all.
+
+    Raises
+    ------
+    DriveError
+        If the motion is not possible, or an argument does not fit.
+    InputError
+        If `robot` or `found` is something else.
+    """
+    require("robot", robot, Manipulator)
+    if not isinstance(found, InverseDynamics | TaskForces):
+        raise InputError(f"found: expected forces over a motion or a task, got {shown(found)}")
+    if not isinstance(ramp, StopRamp | None):
+        raise DriveError(f"ramp: expected a StopRamp, got {shown(ramp)}")
+    chosen = (drives,) * 3 if isinstance(drives, Drive) else drives
+    if (
+        not isinstance(chosen, Sequence)
+        or len(chosen) != 3
+        or not all(isinstance(drive, Drive) for drive in chosen)
+    ):
+        raise DriveError("drives: expected one Drive, or those of A, B and C")
+    if isinstance(instants, bool) or not isinstance(instants, int) or instants < 1:
+        raise DriveError(f"instants: expected a whole number from 1, got {shown(instants)}")
+    cycle_of(found)  # says at once that the machine cannot make it
+    loads = (
+        [found.wrench] if isinstance(found, InverseDynamics) else [one.wrench for one in found.plan.pieces]
+    )
+    every = max(sum(len(motion) for _, motion in _loaded(robot, found)) // instants, 1)
+    pieces = []
+    for (parameters, motion), load in zip(_loaded(robot, found), loads, strict=True):
+        rows = np.unique(np.append(np.arange(0, len(motion), every), len(motion) - 1))
+        wrench = np.broadcast_to(load, (len(motion), 6))[rows]
+        state = motion.pose[rows], motion.velocity[rows], motion.acceleration[rows]
+        pieces.append(Instants(parameters, motion.time[rows], *state, wrench))
+    braked = uncontrolled_stops(pieces, chosen)
+    return (braked,) if ramp is None else (controlled_stops(pieces, chosen, ramp), braked)
+
+
+def stopped_safely(
+    robot: Manipulator,
+    found: InverseDynamics | TaskForces,
+    ranked: Sequence[Sizing],
+    ramp: StopRamp | None = None,
+) -> tuple[list[Sizing], tuple[StopLoads, ...]]:
+    """Return ranked drives, first the best that also fits in emergency stops, and its stops.
+
+    Of the drives that fit, the best are tried in their order, `STOPPED` at most; each that was tried has the
+    ratings of its stops among its `others`.
+    """
+    left, stops = list(ranked), {}
+    for k, sizing in enumerate(left[:STOPPED]):
+        if k and not sizing.fits:
+            break
+        stops[k] = emergency_stops(robot, found, sizing.drives, ramp)
+        left[k] = with_others(sizing, (one for stop in stops[k] for one in stop.ratings))
+        if left[k].fits:
+            break
+    order = sorted(range(len(left)), key=lambda k: (k not in stops, _rank(left[k])))
+    return [left[k] for k in order], stops[order[0]]
 
 
 def _static(

@@ -26,7 +26,7 @@ from p3dof.design.assessment import (
 from p3dof.design.bearings import bearings_table, guides_table, rods_table
 from p3dof.design.clearance import clearance_table
 from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
-from p3dof.design.drives import axes_table, ranking_table, ratings_table
+from p3dof.design.drives import axes_table, ranking_table, ratings_table, stops_table, supply_table
 from p3dof.design.fastest import sizing_table
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, pieces_table, without_jumps
 from p3dof.machine.motion import motion_table
@@ -150,6 +150,8 @@ def _content(found: Assessment) -> dict[str, Any]:
         "axes": None if sizing is None else axes_table(sizing),
         "ratings": None if sizing is None else ratings_table(sizing, found.place if task else None),
         "clearance": None if found.clearance is None else clearance_table(found.clearance),
+        "supply": None if sizing is None or sizing.supply is None else supply_table(sizing.supply),
+        "stops": stops_table(found.stops) if found.stops else None,
         "ranking": ranking_table(found.ranked, _ALTERNATIVES) if len(found.ranked) > 1 else None,
         "lives": [table for table in lives if table.rows],
         "reactions": None if found.reactions is None else reactions_table(found.reactions),
@@ -222,7 +224,12 @@ def _pictures(found: Assessment) -> AssessmentPictures:
                 plots.drives_figure(found.drives, found.cycle),
                 "Torque over speed of each motor within its curves.",
                 "Torque over speed: the cycle is the curve, its root mean square the dot; the curve must "
-                "stay in the light area, the dot in the dark one.",
+                "stay in the light area, the dot in the dark one."
+                + (
+                    ""
+                    if found.drives.supply is None
+                    else " Beside them, the voltage of the bus in steady state."
+                ),
             )
         ),
         clearance=(

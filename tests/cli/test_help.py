@@ -129,6 +129,7 @@ OPTIONS = r"""
 --paused | flag | Start with playback paused
 --payload | MASS[,X,Y,Z] | Point mass on the platform
 --payload-estimator | flag | An estimator of the inertial parameters
+--per-axis | flag | Choose the drive of each
 --period | number | Period of the motion
 --periods | whole number | Periods that are measured
 --plan | POSES | Choose so many poses to
@@ -173,6 +174,7 @@ OPTIONS = r"""
 --step | number | Largest step of the RK4
 --stiffness | FILE | Stiffness of joints and rods
 --still | flag | Show the reference configuration
+--stops | flag | Also compute emergency stops
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
 --surroundings | FILE | Payload, obstacles and sizes of parts

@@ -77,7 +77,7 @@ def test_which_rating_is_used_most_and_by_how_much(found):
     light = size_of(slow, BELTED, held=np.full(3, 1.0), load_mass=MASSES)
     others = [Axis(slow, BELTED, k, 1.0, math.nan, MASSES[:, k].tolist()) for k in range(3)]
     rows = []
-    for name, three in (("belted", others), ("geared, belted, plain", axes)):
+    for name, three in (("belted", others), ("A: geared, B: belted, C: plain", axes)):
         worst = [axis.worst() for axis in three]
         leg = max(range(3), key=lambda k: worst[k])
         fits = "yes" if worst[leg][0] <= 1 else "no"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from command_line import run
 from documents import ROOT
+from drives_by_hand import D1, D2, slowed
 from scipy.optimize import brentq
 from task_files import PICK_AND_PLACE
 
@@ -16,6 +17,7 @@ from p3dof._base.errors import DriveError, InputError
 from p3dof.design.drives import (
     GENERIC,
     VERDICTS,
+    Amplifier,
     Belt,
     Catalogue,
     Cycle,
@@ -23,42 +25,22 @@ from p3dof.design.drives import (
     Gear,
     Motor,
     Screw,
+    Supply,
     cycle_of,
     not_checked,
     read_catalogue,
     size_of,
     verdict,
+    with_supply,
 )
 from p3dof.design.tasks.files import parse
 
 RPM = math.pi / 30
-D1 = Drive(Motor(1.6, 30.0, 1e4, 1e-4, time_constant=30.0), Screw(0.01, 0.9, 0.888889, inertia=2e-4))
-D2 = Drive(Motor(1.6, 30.0, 1e4, 0.5e-4), Screw(0.02, 0.9, 0.888889, inertia=1e-4))
-"""The reference drives; their numbers were computed elsewhere: by Pinocchio with trapezoids, and by virtual
-power with Gauss quadrature."""
 
 
 @pytest.fixture(scope="module")
 def robot():
     return p3dof.load()
-
-
-def slowed(samples):
-    """The paper's path from rest to rest in one second."""
-    tau = np.linspace(0, 1, samples)
-    t = tau**3 * (10 + tau * (6 * tau - 15))
-    rate, change = 30 * (tau * (1 - tau))[:, None] ** 2, (60 * tau * (1 - tau) * (1 - 2 * tau))[:, None]
-    w = 4 * np.pi
-    pose = np.column_stack(
-        [-(t**2) * (t**2 - 1.3 * t + 0.3), 0.2 * t**2 * (2 * t**2 - t - 1), 0.4 * np.sin(w * t)]
-    )
-    slope = np.column_stack(
-        [-t * (4 * t**2 - 3.9 * t + 0.6), 0.2 * t * (8 * t**2 - 3 * t - 2), 0.4 * w * np.cos(w * t)]
-    )
-    bend = np.column_stack(
-        [-(12 * t**2 - 7.8 * t + 0.6), 0.2 * (24 * t**2 - 6 * t - 2), -0.4 * w**2 * np.sin(w * t)]
-    )
-    return p3dof.Motion(tau, pose, slope * rate, bend * rate**2 + slope * change)
 
 
 @pytest.fixture(scope="module")
@@ -322,7 +304,8 @@ def test_too_fast_a_motor_breaks_its_speed_and_no_torque():
 FULL = Drive(
     Motor(
         1.6, 30.0, 1e4, 1e-4, brake_torque=3.0, time_constant=30.0, max_inertia_ratio=9.0, max_power=900.0,
-        max_braking_power=300.0,
+        max_braking_power=300.0, torque_constant_rms=0.6,
+        amplifier=Amplifier(rated_current_rms=3.0, max_current_rms=60.0),
     ),
     Screw(0.01, diameter=0.0127, length=0.5, max_speed=400.0, name="16x10"),
     Gear(2.0, max_speed=500.0, max_torque=40.0, name="planets"),
@@ -339,6 +322,8 @@ FULL = Drive(
         ("motor", {"max_braking_power": math.inf}, "no max_braking_power"),
         ("motor", {"brake_torque": 0.0}, "motor has no brake_torque"),
         ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10 (max_speed allows any)"),
+        ("motor", {"amplifier": None}, "currents of motor (no amplifier)"),
+        ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10, DN (no max_speed)"),
         ("transmission", {"length": None, "inertia": 1e-5}, "no diameter and length"),
         ("gear", {"max_speed": math.inf}, "speed of planets (no max_speed)"),
         ("gear", {"max_torque": math.inf}, "torque of planets (no max_torque)"),
@@ -347,11 +332,14 @@ FULL = Drive(
 def test_what_has_no_number_is_not_checked_and_said(paper, part, change, words):
     """Just what is missing: each rating that is given is among the ratings, and not among these."""
     every, bare = (
-        size_of(paper, drive, load_mass=np.ones((2, 3)))
+        with_supply(size_of(paper, drive, load_mass=np.ones((2, 3))), paper, Supply(1e-3, 300.0, 400.0))
         for drive in (FULL, replace(FULL, **{part: replace(getattr(FULL, part), **change)}))
     )
     more = set(not_checked(bare)) - set(not_checked(every))
     assert [words in one for one in more] == [True]
+    assert [words in one for one in more if "reserves" not in one] == [True]
+    without = set(not_checked(replace(every, supply=None))) - set(not_checked(every))
+    assert without == {"bus voltage and braking resistor over all axes (no supply)"}
     limits = [{(one.name, one.allowed) for one in found.axes[0].ratings} for found in (every, bare)]
     assert limits[0] - limits[1]
     assert any("life and static load of the nut of 16x10" in one for one in not_checked(every))

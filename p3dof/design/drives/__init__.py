@@ -2,8 +2,19 @@
 
 from p3dof.design.drives.catalogue import GENERIC, Catalogue, read_catalogue, write_catalogue
 from p3dof.design.drives.margins import VERDICTS, Ambient, Margins, margins_of
-from p3dof.design.drives.motor import Motor, Winding
-from p3dof.design.drives.sizing import AxisLoads, Cycle, Rating, Sizing, cycle_of, size_of
+from p3dof.design.drives.motor import Amplifier, Motor, Winding
+from p3dof.design.drives.sizing import (
+    AxisLoads,
+    Cycle,
+    Rating,
+    Sizing,
+    cycle_of,
+    size_of,
+    with_others,
+    with_supply,
+)
+from p3dof.design.drives.stopping import StopLoads, StopRamp, brake_fall, stops_table
+from p3dof.design.drives.supply import BusLoads, Supply, SupplyLoads, supply_table
 from p3dof.design.drives.tables import (
     axes_table,
     caveats,
@@ -19,8 +30,10 @@ __all__ = [
     "GENERIC",
     "VERDICTS",
     "Ambient",
+    "Amplifier",
     "AxisLoads",
     "Belt",
+    "BusLoads",
     "Catalogue",
     "Cycle",
     "Drive",
@@ -30,8 +43,13 @@ __all__ = [
     "Rating",
     "Screw",
     "Sizing",
+    "StopLoads",
+    "StopRamp",
+    "Supply",
+    "SupplyLoads",
     "Winding",
     "axes_table",
+    "brake_fall",
     "caveats",
     "cycle_of",
     "margins_of",
@@ -40,7 +58,11 @@ __all__ = [
     "ratings_table",
     "read_catalogue",
     "size_of",
+    "stops_table",
+    "supply_table",
     "verdict",
+    "with_others",
+    "with_supply",
     "write_catalogue",
     "write_ranking",
 ]

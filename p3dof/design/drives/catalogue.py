@@ -20,6 +20,14 @@ The form of a file::
       - {name: direct, ratio: 1}
       - {name: i3, ratio: 3, efficiency: 0.96, inertia: 0.1 kg cm^2}
 
+    amplifiers:                              # optional; a motor names its own by `amplifier: D4`
+      - {name: D4, rated_current_rms: 3 A, max_current_rms: 9 A, max_current_time: 3 s, max_voltage: 400 V}
+    supply:                                  # optional: the direct-current bus of the amplifiers
+      {capacitance: 560 uF, voltage: 320 V, max_voltage: 380 V, resistance: 40 ohm, resistor_power: 200 W}
+    stop: {deceleration: 8 m/s^2, jerk: 400 m/s^3, delay: 4 ms}    # optional: of sliders in an emergency
+    axes:                                    # optional: what each axis may have, by names; else all
+      A: {motors: [M400], screws: [16x10]}
+
 Every motor is tried with every gear and every screw or belt. Numbers are in SI units, or have one of their
 own. A list, or an item of it, may be a maker's table: see `makers.py`. A field of a part is one line in its
 class, one in `_UNITS` if it has a unit, and one in the reference of the files.
@@ -41,10 +49,15 @@ from p3dof._base.checks import Readable, require, shown, warn_caller
 from p3dof._base.errors import DriveError, ParameterError
 from p3dof._base.files import Source, called, is_stream, parse_yaml, read_text, suffix_of, write_atomic
 from p3dof._base.quantities import (
+    ACCELERATION,
+    CAPACITANCE,
     CURRENT,
+    ENERGY,
     FLUX,
+    FORCE,
     INDUCTANCE,
     INERTIA,
+    JERK,
     LENGTH,
     MOMENT,
     POWER,
@@ -57,8 +70,11 @@ from p3dof._base.quantities import (
 )
 from p3dof.design.drives.makers import CURVE, parts_of_table
 from p3dof.design.drives.margins import Ambient, Margins
-from p3dof.design.drives.motor import Motor, Winding
+from p3dof.design.drives.motor import Amplifier, Motor, Winding
+from p3dof.design.drives.stopping import StopRamp
+from p3dof.design.drives.supply import Supply
 from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
+from p3dof.machine.parameters import LEGS
 from p3dof.machine.parameters.machine import read_fields
 
 _MOST = 5000  # most drives of a catalogue: motors by gears by screws and belts
@@ -75,13 +91,38 @@ _UNITS: Mapping[str, Quantity] = {
     "resistance": RESISTANCE,
     "inductance": INDUCTANCE,
     "flux": FLUX,
+    **dict.fromkeys(("resistor_power", "max_feedback_power"), POWER),
+    **dict.fromkeys(("brake_time", "max_current_time"), TIME),
+    **dict.fromkeys(("torque_constant_rms", "torque_constant_peak"), TORQUE_CONSTANT),
+    **dict.fromkeys(("phase_resistance", "resistance"), RESISTANCE),
+    **{f"{most}_current_{kind}": CURRENT for most in ("rated", "max") for kind in ("rms", "peak")},
+    **dict.fromkeys(("voltage", "max_voltage"), VOLTAGE),
+    "capacitance": CAPACITANCE,
+    "deceleration": ACCELERATION,
+    "jerk": JERK,
+    "delay": TIME,
+    "static_load": FORCE,
+    "brake_energy": ENERGY,
 }
 """Kinds of number by the names of fields, which mean one thing in all parts."""
 _WRITTEN = {MOMENT: "Nm", ROTATION: "rpm", INERTIA: "kg cm^2", LENGTH: "mm", INDUCTANCE: "mH"}
 """In which units makers print; others are written in SI units."""
-_KINDS: Mapping[str, type[Any]] = {"motors": Motor, "screws": Screw, "belts": Belt, "gears": Gear}
+_KINDS: Mapping[str, type[Any]] = {
+    "motors": Motor,
+    "screws": Screw,
+    "belts": Belt,
+    "gears": Gear,
+    "amplifiers": Amplifier,
+}
 """Lists of a catalogue."""
-_INNER: Mapping[str, type[Any]] = {"winding": Winding, "margins": Margins, "ambient": Ambient}
+_SELECTED = ("motors", "gears", "screws", "belts")
+_INNER: Mapping[str, type[Any]] = {
+    "winding": Winding,
+    "margins": Margins,
+    "ambient": Ambient,
+    "supply": Supply,
+    "stop": StopRamp,
+}
 """Fields that are parts of their own, in other parts or in a catalogue."""
 _CURVE = (ROTATION, MOMENT, MOMENT)
 _PAIRS = ("derating_temperature", "derating_altitude")  # rows of numbers, which no table of a maker has
@@ -96,6 +137,11 @@ class Catalogue(Readable):
     gears: Sequence[Gear] = (Gear(),)  # at least one; none but the direct one by default
     margins: Margins = field(default_factory=Margins)  # what of each rating must stay free
     ambient: Ambient = field(default_factory=Ambient)  # where motors work
+    supply: Supply | None = None  # of the amplifiers; None if nothing is known
+    stop: StopRamp | None = None  # how the drives stop in an emergency
+    axes: Mapping[str, Mapping[str, Sequence[str]]] = field(default_factory=dict)
+    """What axes A, B and C may have, by names of `motors`, `gears`, `screws` and `belts`; a kind that is left
+    out is not restricted, but of screws and belts one that is named leaves the other out."""
 
     def __post_init__(self) -> None:
         kinds: tuple[tuple[str, type[Any] | tuple[type[Any], ...]], ...] = (
@@ -119,6 +165,48 @@ class Catalogue(Readable):
             object.__setattr__(self, what, parts)
         if len(self) > _MOST:
             raise DriveError(f"catalogue: expected at most {_MOST} drives, got {len(self)}")
+        if not isinstance(self.supply, Supply | None):
+            raise DriveError(f"catalogue: supply: expected a Supply, got {shown(self.supply)}")
+        if not isinstance(self.stop, StopRamp | None):
+            raise DriveError(f"catalogue: stop: expected a StopRamp, got {shown(self.stop)}")
+        self._check_axes()
+
+    def _check_axes(self) -> None:
+        """Raise if an axis may have what is not in the catalogue, or nothing."""
+        if not isinstance(self.axes, Mapping):
+            raise DriveError(f"catalogue: axes: expected A, B or C with names, got {shown(self.axes)}")
+        for leg, kinds in self.axes.items():
+            where = f"catalogue: axes: {leg}"
+            if leg not in LEGS:
+                raise DriveError(f"catalogue: axes: expected A, B or C, got {shown(leg)}")
+            if not isinstance(kinds, Mapping) or not set(kinds) <= set(_SELECTED):
+                raise DriveError(f"{where}: expected lists of names under {', '.join(_SELECTED)}")
+            for kind, names in kinds.items():
+                known = [part.name for part in self._of_kind(kind)]
+                if not isinstance(names, list | tuple) or not names:
+                    raise DriveError(f"{where}: {kind}: expected a list of names, got {shown(names)}")
+                for name in names:
+                    if name not in known:
+                        words = ", ".join(known) or "none"
+                        raise DriveError(f"{where}: {kind}: expected one of {words}, got {shown(name)}")
+
+    def _of_kind(self, kind: str) -> Sequence[Motor | Screw | Belt | Gear]:
+        if kind in ("screws", "belts"):
+            wanted = Screw if kind == "screws" else Belt
+            return [part for part in self.transmissions if isinstance(part, wanted)]
+        return self.motors if kind == "motors" else self.gears
+
+    def of_axis(self, leg: str) -> list[Drive]:
+        """Return the drives that an axis, A, B or C, may have."""
+        kinds = self.axes.get(leg, {})
+        slow = {kind: kinds[kind] for kind in ("screws", "belts") if kind in kinds}
+        return [
+            drive
+            for drive in self
+            if drive.motor.name in kinds.get("motors", (drive.motor.name,))
+            and drive.gear.name in kinds.get("gears", (drive.gear.name,))
+            and (not slow or drive.transmission.name in slow.get(_kind(drive), ()))
+        ]
 
     def __len__(self) -> int:
         return len(self.motors) * len(self.transmissions) * len(self.gears)
@@ -128,6 +216,10 @@ class Catalogue(Readable):
             for gear in self.gears:
                 for transmission in self.transmissions:
                     yield Drive(motor, transmission, gear)
+
+
+def _kind(drive: Drive) -> str:
+    return "screws" if isinstance(drive.transmission, Screw) else "belts"
 
 
 def read_catalogue(path: Source) -> Catalogue:
@@ -150,8 +242,16 @@ def read_catalogue(path: Source) -> Catalogue:
     data = parse_yaml(read_text(path), source, DriveError)
     single = [item.name for item in fields(Catalogue) if item.name in _INNER]
     try:
-        data = read_fields(data, source, ("motors",), (*_KINDS, *single))
-        parts = {kind: _parts(data.get(kind, []), kind, folder, f"{source}: {kind}") for kind in _KINDS}
+        data = read_fields(data, source, ("motors",), (*_KINDS, *single, "axes"))
+        amplifiers = _parts(data.get("amplifiers", []), "amplifiers", folder, f"{source}: amplifiers")
+        fed = {one.name: one for one in amplifiers}
+        if len(fed) < len(amplifiers):
+            twice = [one.name for one in amplifiers]
+            name = next(name for name in twice if twice.count(name) > 1)
+            raise DriveError(f"{source}: amplifiers: the name {name!r} is given twice")
+        parts = {
+            kind: _parts(data.get(kind, []), kind, folder, f"{source}: {kind}", fed) for kind in _SELECTED
+        }
         others = {
             name: _part(data[name], _INNER[name], f"{source}: {name}") for name in single if name in data
         }
@@ -159,7 +259,9 @@ def read_catalogue(path: Source) -> Catalogue:
         raise DriveError(str(error)) from error
     try:
         gears = parts["gears"] or [Gear()]
-        found = Catalogue(parts["motors"], [*parts["screws"], *parts["belts"]], gears, **others)
+        found = Catalogue(
+            parts["motors"], [*parts["screws"], *parts["belts"]], gears, **others, axes=data.get("axes", {})
+        )
     except DriveError as error:
         raise DriveError(f"{source}: {error}") from error
     _doubt(found, source)
@@ -192,7 +294,9 @@ _SLUGGISH = 0.02
 """Rotor inertia by peak torque that is believed [s²]: no motor needs a second to 50 rad/s."""
 
 
-def _parts(data: Any, kind: str, folder: Path, where: str) -> list[Any]:
+def _parts(
+    data: Any, kind: str, folder: Path, where: str, amplifiers: Mapping[str, Amplifier] | None = None
+) -> list[Any]:
     """Return the parts of a list: each is an item, or the row of a table that stands for it or is an item."""
     cls, found = _KINDS[kind], []
     if not isinstance(data, list | Mapping):
@@ -201,9 +305,9 @@ def _parts(data: Any, kind: str, folder: Path, where: str) -> list[Any]:
         place = f"{where}[{k}]" if isinstance(data, list) else where
         if isinstance(data, Mapping) or (isinstance(item, Mapping) and "table" in item):
             rows = parts_of_table(item, _known(cls), _required(cls), folder, place)
-            found += [_part(row, cls, line, ("name",)) for line, row in rows]
+            found += [_part(row, cls, line, ("name",), amplifiers) for line, row in rows]
         else:
-            found.append(_part(item, cls, place, ("name",)))
+            found.append(_part(item, cls, place, ("name",), amplifiers))
     return found
 
 
@@ -231,7 +335,13 @@ def _known(cls: type[Any]) -> dict[str, tuple[str, Quantity | None]]:
     return found
 
 
-def _part(data: Any, cls: type[Any], where: str, also: Sequence[str] = ()) -> Any:
+def _part(
+    data: Any,
+    cls: type[Any],
+    where: str,
+    also: Sequence[str] = (),
+    amplifiers: Mapping[str, Amplifier] | None = None,
+) -> Any:
     """Return a part from plain data, which has the fields `also` whatever their default."""
     data = read_fields(data, where, (*also, *_required(cls)), [item.name for item in fields(cls)])
     values: dict[str, Any] = {}
@@ -241,6 +351,8 @@ def _part(data: Any, cls: type[Any], where: str, also: Sequence[str] = ()) -> An
             values[key] = _curve(value, place)
         elif key in _INNER:
             values[key] = _part(value, _INNER[key], place)
+        elif key == "amplifier":
+            values[key] = _fed(value, amplifiers or {}, place)
         else:
             unit = unit_of(cls, key)
             values[key] = value if unit is None else unit.read(value, place)
@@ -248,6 +360,14 @@ def _part(data: Any, cls: type[Any], where: str, also: Sequence[str] = ()) -> An
         return cls(**values)
     except DriveError as error:
         raise DriveError(f"{where}: {error}") from error
+
+
+def _fed(name: Any, amplifiers: Mapping[str, Amplifier], where: str) -> Amplifier:
+    """Return the amplifier of a name."""
+    if isinstance(name, str) and name in amplifiers:
+        return amplifiers[name]
+    words = f"one of {', '.join(amplifiers)}" if amplifiers else "no name, as there are no amplifiers"
+    raise DriveError(f"{where}: expected {words}, got {shown(name)}")
 
 
 def _curve(data: Any, where: str) -> list[list[float]]:
@@ -300,13 +420,21 @@ def dump(catalogue: Catalogue) -> str:
         "screws": screws,
         "belts": belts,
         "gears": gears,
+        "amplifiers": list(
+            {motor.amplifier.name: motor.amplifier for motor in catalogue.motors if motor.amplifier}.values()
+        ),
     }
     data: dict[str, Any] = {
         kind: [{"name": part.name} | _plain(part) for part in parts] for kind, parts in lists.items() if parts
     }
-    for name in ("margins", "ambient"):
-        if plain := _plain(getattr(catalogue, name)):
+    for name in ("margins", "ambient", "supply", "stop"):
+        part = getattr(catalogue, name)
+        if part is not None and (plain := _plain(part)):
             data[name] = plain
+    if catalogue.axes:
+        data["axes"] = {
+            leg: {kind: list(names) for kind, names in kinds.items()} for leg, kinds in catalogue.axes.items()
+        }
     text: str = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
     return text
 
@@ -330,6 +458,8 @@ def _told(cls: type[Any], name: str, value: Any) -> Any:
         return _plain(value)
     if name in _PAIRS:
         return np.asarray(value).tolist()
+    if name == "amplifier":
+        return value.name
     if name == "curve":
         return [
             [_number(float(number), unit) for number, unit in zip(row, _CURVE, strict=True)] for row in value

@@ -1,6 +1,6 @@
 """`Motor`: what a servo motor can do: torque by speed, for ever and for a moment.
 
-`Winding`: what a bus voltage lets a motor with permanent magnets give, by speed.
+`Winding`: what a bus voltage lets a motor with permanent magnets give, by speed. `Amplifier`: what feeds it.
 
 In a frame that turns with the magnets, with peak values of one phase,
 
@@ -167,6 +167,52 @@ def _highest(middle: FloatArray, reach: FloatArray, most: float) -> FloatArray:
     return found
 
 
+_RATED = ("rated_current_rms", "rated_current_peak")
+
+
+@dataclass(frozen=True)
+class Amplifier:
+    """The amplifier of a motor: phase currents by rms or by peak value, each with its own name."""
+
+    rated_current_rms: float | None = None  # phase current for ever, exactly one of the two [A]
+    rated_current_peak: float | None = None
+    max_current_rms: float | None = None  # largest phase current for a moment, exactly one of the two [A]
+    max_current_peak: float | None = None
+    max_current_time: float = math.inf
+    """How long at a stretch the current may be above the rated one [s]; infinite if nothing is known."""
+    max_power: float = math.inf  # what it gives to the motor, with the losses of the winding [W]
+    max_voltage: float = math.inf  # what its direct-current bus bears [V]; both infinite if not known
+    name: str = "amplifier"  # what tables call it
+
+    def __post_init__(self) -> None:
+        where = text("amplifier: name", self.name)
+        for names in (_RATED, _CURRENTS):
+            given = [name for name in names if getattr(self, name) is not None]
+            if len(given) != 1:
+                got = " and ".join(given) or "none"
+                raise DriveError(f"{where}: expected exactly one of {', '.join(names)}, got {got}")
+            object.__setattr__(self, given[0], above_zero(f"{where}: {given[0]}", getattr(self, given[0])))
+        for name in ("max_current_time", "max_power", "max_voltage"):
+            if getattr(self, name) != math.inf:
+                object.__setattr__(self, name, above_zero(f"{where}: {name}", getattr(self, name)))
+        if self.max_current < self.rated_current:
+            raise DriveError(f"{where}: max_current: expected at least the rated one")
+
+    @property
+    def rated_current(self) -> float:
+        """Rms phase current for ever [A]."""
+        return _rms(self.rated_current_rms, self.rated_current_peak)
+
+    @property
+    def max_current(self) -> float:
+        """Largest rms phase current for a moment [A]."""
+        return _rms(self.max_current_rms, self.max_current_peak)
+
+
+def _rms(rms: float | None, peak: float | None) -> float:
+    return float(peak or 0.0) / math.sqrt(2) if rms is None else rms
+
+
 _DOUBT = 1.1  # a peak torque so many times over what the winding gives has another unit than it says
 
 
@@ -214,6 +260,17 @@ class Motor(Readable):
     winding : Winding, optional
         What its drive's voltage lets it give: less than the curve says at high speeds. Without a curve, the
         peak torque then holds up to the fastest speed as far as the winding allows.
+    torque_constant_rms, torque_constant_peak : float, optional
+        Torque by the rms or the peak value of the phase current [N m/A], for a motor without a `winding`; one
+        of the two at most.
+    phase_resistance : float, optional
+        Of one phase [Ω], for the losses of a motor without a `winding`; it needs a torque constant.
+    amplifier : Amplifier, optional
+        What feeds it; it needs a torque constant or a `winding`.
+    brake_time : float
+        From the loss of power until the brake bears [s].
+    brake_energy : float
+        Largest energy of a stop that the brake takes [J]; infinite if nothing is known.
     name : str
         What tables call it.
 
@@ -241,6 +298,12 @@ class Motor(Readable):
     derating_temperature: Sequence[Sequence[float]] | None = None
     derating_altitude: Sequence[Sequence[float]] | None = None
     winding: Winding | None = None
+    torque_constant_rms: float | None = None
+    torque_constant_peak: float | None = None
+    phase_resistance: float | None = None
+    amplifier: Amplifier | None = None
+    brake_time: float = 0.0
+    brake_energy: float = math.inf
     name: str = "motor"
 
     def __post_init__(self) -> None:
@@ -248,7 +311,7 @@ class Motor(Readable):
         where = text("motor: name", self.name)
         for field in ("rated_torque", "peak_torque", "max_speed"):
             set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
-        for field in ("inertia", "brake_torque", "coupling_inertia", "drag"):
+        for field in ("inertia", "brake_torque", "coupling_inertia", "drag", "brake_time"):
             set_(self, field, not_negative(f"{where}: {field}", getattr(self, field), DriveError))
         rated = self.max_speed if self.rated_speed is None else self.rated_speed
         set_(self, "rated_speed", above_zero(f"{where}: rated_speed", rated))
@@ -268,6 +331,7 @@ class Motor(Readable):
         if rated > self.max_speed:
             raise DriveError(f"{where}: rated_speed: expected at most the fastest, {self.max_speed:g} rad/s")
         self._check_winding(where)
+        self._check_currents(where)
         set_(self, "curve", self._points(where))
 
     def _check_winding(self, where: str) -> None:
@@ -302,6 +366,50 @@ class Motor(Readable):
         if all(table is None for table, _ in tables):
             return min(1.0, ambient.heat_share(self.temperature_rise, self.rated_ambient))
         return math.prod(min(1.0, table_share(table, value)) for table, value in tables if table is not None)
+
+    def _check_currents(self, where: str) -> None:
+        """Raise if currents cannot be told from torques, or in two ways."""
+        names = ("torque_constant_rms", "torque_constant_peak", "phase_resistance")
+        given = [name for name in names if getattr(self, name) is not None]
+        for name in given:
+            object.__setattr__(self, name, above_zero(f"{where}: {name}", getattr(self, name)))
+        if given and self.winding is not None:
+            raise DriveError(f"{where}: {given[0]}: the winding has it already")
+        if given[:2] == list(names[:2]):
+            raise DriveError(f"{where}: expected at most one of {names[0]}, {names[1]}")
+        if given == [names[2]]:
+            raise DriveError(f"{where}: phase_resistance: expected a torque constant with it")
+        if not isinstance(self.amplifier, Amplifier | None):
+            raise DriveError(f"{where}: amplifier: expected an Amplifier, got {shown(self.amplifier)}")
+        if self.amplifier is not None and self.torque_constant is None:
+            raise DriveError(
+                f"{where}: amplifier: expected a winding, torque_constant_rms or torque_constant_peak with it"
+            )
+
+    @property
+    def torque_constant(self) -> float | None:
+        """Torque by the rms phase current [N m/A]; None if nothing is known."""
+        if self.winding is not None:
+            return 1.5 * math.sqrt(2) * self.winding.pole_pairs * self.winding.peak_flux
+        if self.torque_constant_peak is not None:
+            return math.sqrt(2) * self.torque_constant_peak
+        return self.torque_constant_rms
+
+    @property
+    def resistance(self) -> float | None:
+        """Of one phase [Ω]; None if nothing is known."""
+        if self.winding is None:
+            return self.phase_resistance
+        return (0.5 if self.winding.measured == MEASURED[1] else 1.0) * self.winding.resistance
+
+    def copper_loss(self, torque: FloatArray) -> FloatArray:
+        """Return the power that torques (...) [N m] turn into heat in the winding, 3R(T/k_t)², in (...) [W].
+
+        Zero if resistance or torque constant is not known.
+        """
+        if self.torque_constant is None or self.resistance is None:
+            return np.zeros_like(torque)
+        return np.asarray(3 * self.resistance * (torque / self.torque_constant) ** 2)
 
     def peak(self, speed: FloatArray) -> FloatArray:
         """Return what it gives for a moment at speeds (...) [rad/s], in (...) [N m]; zero if too fast."""

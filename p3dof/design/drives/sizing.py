@@ -12,8 +12,8 @@ samples, rms torque and heating by the continuous torque at the fastest speed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,6 +31,7 @@ from p3dof.design.drives.margins import (
     verdict_of,
 )
 from p3dof.design.drives.motor import above_zero
+from p3dof.design.drives.supply import DUTY, Supply, SupplyLoads, loads_of_supply
 from p3dof.design.drives.transmission import Drive, Screw
 from p3dof.machine.parameters import LEGS
 
@@ -193,6 +194,9 @@ class Sizing:
     bus_negative_work: float
     bus_peak_power: float  # largest power on it, and back from it [W]
     bus_peak_braking: float
+    supply: SupplyLoads | None = None  # of the supply, if there is one
+    others: tuple[tuple[str, Rating], ...] = ()  # ratings of more than a cycle and an axis: whose, and which
+    margins: Margins = field(default_factory=Margins)  # what of each rating must stay free
 
     def __repr__(self) -> str:
         leg, rating = self.worst
@@ -202,7 +206,8 @@ class Sizing:
     def name(self) -> str:
         """That of the drive, or those of the drives of A, B and C."""
         names = [drive.name for drive in self.drives]
-        return names[0] if len(set(names)) == 1 else ", ".join(names)
+        pairs = zip(LEGS, names, strict=True)
+        return names[0] if len(set(names)) == 1 else ", ".join(f"{leg}: {name}" for leg, name in pairs)
 
     @property
     def verdict(self) -> str:
@@ -232,7 +237,7 @@ class Sizing:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Which defaults stand for numbers that the catalogue does not have, in words."""
-        return tuple(dict.fromkeys(one.assumed for axis in self.axes for one in axis.ratings if one.assumed))
+        return tuple(dict.fromkeys(one.assumed for _, one in self._by_need() if one.assumed))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -252,7 +257,7 @@ class Sizing:
 
     def _by_need(self) -> list[tuple[str, Rating]]:
         pairs = zip(LEGS, self.axes, strict=True)
-        each = [(leg, rating) for leg, axis in pairs for rating in axis.ratings]
+        each = [*((leg, rating) for leg, axis in pairs for rating in axis.ratings), *self.others]
         return sorted(each, key=lambda one: _by_need(one[1]), reverse=True)
 
 
@@ -306,6 +311,7 @@ def size_of(
         back,
         float(bus.max()),
         float(bus.min()),
+        margins=reserves,
     )
 
 
@@ -372,6 +378,7 @@ class _Axis:
                     *self._ratings(rms, rms_speed),
                     *([brake] if motor.brake_torque > 0 else []),
                     *self._of_motor(heating, hottest, ratio),
+                    *self._of_amplifier(rms),
                     *self._of_transmission(),
                 )
             ),
@@ -437,6 +444,50 @@ class _Axis:
             told = assumed if motor.max_inertia_ratio is None else ""
             found.append(Rating("inertia ratio", inertia[1], allowed, "", assumed=told))
         return found
+
+    def _of_amplifier(self, rms: float) -> list[Rating]:
+        """Return what is used of the amplifier's currents and power."""
+        motor, amplifier = self._drive.motor, self._drive.motor.amplifier
+        if amplifier is None or motor.torque_constant is None:
+            return []
+        current = np.abs(self._torque) / motor.torque_constant
+        most = int(np.argmax(current))
+        found = [
+            Rating("rms current", rms / motor.torque_constant, amplifier.rated_current, "A"),
+            Rating("peak current", float(current[most]), amplifier.max_current, "A", float(self._time[most])),
+        ]
+        if amplifier.max_current_time < math.inf:
+            rest = abs(self._holding) / motor.torque_constant
+            longest, when = self._longest_above(current, rest, amplifier.rated_current)
+            found.append(Rating("time above rated current", longest, amplifier.max_current_time, "s", when))
+        if amplifier.max_power < math.inf:
+            power = self.power + motor.copper_loss(self._torque)
+            most = int(np.argmax(power))
+            values = max(float(power[most]), 0.0), amplifier.max_power
+            found.append(Rating("amplifier power", *values, "W", float(self._time[most])))
+        return found
+
+    def _longest_above(self, values: FloatArray, resting: float, limit: float) -> tuple[float, float]:
+        """Return the longest stretch above a limit, over the ends of the cycle too, and when it begins."""
+        time, rest = self._time, self._cycle.rest
+        if rest > 0:
+            values = np.append(values, [resting, resting])
+            time = np.append(time, [time[-1], time[-1] + rest])
+        total, over = float(time[-1] - time[0]), values - limit
+        if (over > 0).all():
+            return math.inf, math.nan
+        ends, heights = np.append(time, time + total).tolist(), np.append(over, over).tolist()
+        longest, when, start = 0.0, math.nan, math.nan
+        for a, b, low, high in zip(ends, ends[1:], heights, heights[1:], strict=False):
+            if low > 0 or high > 0:
+                passed = a if high == low else a + (b - a) * low / (low - high)  # where it is at the limit
+                start = passed if low <= 0 else (a if math.isnan(start) else start)
+                stretch = (b if high > 0 else passed) - start
+                if stretch > longest:
+                    longest, when = stretch, start
+            if high <= 0:
+                start = math.nan
+        return longest, when - total if when > ends[len(time) - 1] else when
 
     def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
         motor, gear = self._drive.motor, self._drive.gear
@@ -514,4 +565,57 @@ def _of_nut(screw: Screw, turns: float, when: float) -> list[Rating]:
         assumed = ", ".join((*words, *([source] if source else [])))
         limit = SPEED_OF_NUTS if screw.dn is None else screw.dn
         found.append(Rating("DN", 1e3 * nominal * turns, limit, "mm rpm", when, assumed=assumed))
+    return found
+
+
+def with_supply(sizing: Sizing, cycle: Cycle, supply: Supply) -> Sizing:
+    """Return drives with what the cycle takes of their supply, and its ratings among the `others`."""
+    for name, value, kind in (
+        ("sizing", sizing, Sizing),
+        ("cycle", cycle, Cycle),
+        ("supply", supply, Supply),
+    ):
+        require(name, value, kind, DriveError)
+    drawn: FloatArray = np.empty_like(cycle.force)
+    rest: FloatArray = np.empty(3)
+    for leg, drive in enumerate(sizing.drives):
+        torque = drive.torque(cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg])
+        drawn[:, leg] = torque * drive.ratio * cycle.speed[:, leg] + drive.motor.copper_loss(torque)
+        rest[leg] = drive.motor.copper_loss(cycle.holding[leg] / drive.ratio)
+    loads = loads_of_supply(supply, cycle.time, drawn, rest, cycle.rest)
+    return with_others(replace(sizing, supply=loads), _of_supply(loads, sizing))
+
+
+def with_others(sizing: Sizing, ratings: Iterable[tuple[str, Rating]]) -> Sizing:
+    """Return drives with more ratings, of no axis or of single events, each with its margin."""
+    more = ((owner, replace(one, margin=sizing.margins.of(one.name))) for owner, one in ratings)
+    return replace(sizing, others=(*sizing.others, *more))
+
+
+def _of_supply(loads: SupplyLoads, sizing: Sizing) -> list[tuple[str, Rating]]:
+    """Return how much of each rating of buses is used, and of what amplifiers bear of their voltage."""
+    supply, found = loads.supply, []
+    for bus in loads.buses:
+        if supply.resistor_power is not None:
+            words = "" if supply.duty is not None else f"{DUTY:.0%} of the resistor's rated power in the mean"
+            needed, most = bus.mean_power / loads.duty, supply.resistor_power
+            found.append((bus.name, Rating("braking resistor power", needed, most, "W", assumed=words)))
+        if supply.resistance is not None:
+            most = supply.max_voltage**2 / supply.resistance
+            found.append((bus.name, Rating("peak braking", bus.peak_power, most, "W", bus.peak_time)))
+        if supply.max_feedback_power < math.inf:
+            most = supply.max_feedback_power
+            found.append((bus.name, Rating("feedback", bus.peak_power, most, "W", bus.peak_time)))
+        if not (supply.has_resistor or supply.feedback):
+            top = bus.top_voltage - supply.voltage, supply.max_voltage - supply.voltage
+            found.append((bus.name, Rating("rise of the voltage", *top, "V", bus.top_time)))
+        if supply.max_power < math.inf:
+            most = supply.max_power
+            found.append((bus.name, Rating("line power", bus.line_power, most, "W", bus.line_time)))
+    buses = loads.buses * (3 if supply.common else 1)
+    for leg, drive, bus in zip(LEGS, sizing.drives, buses, strict=True):
+        amplifier = drive.motor.amplifier
+        if amplifier is not None and amplifier.max_voltage < math.inf:
+            top = bus.top_voltage - supply.voltage, amplifier.max_voltage - supply.voltage
+            found.append((leg, Rating("rise of the bus voltage", *top, "V", bus.top_time)))
     return found

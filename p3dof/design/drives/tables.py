@@ -35,6 +35,7 @@ def _of_motor(drive: Drive) -> list[str]:
         f"braking power of amplifier and resistor of {name} (no max_braking_power)": motor.max_braking_power
         < math.inf,
         f"holding when the power fails ({name} has no brake_torque)": motor.brake_torque > 0,
+        f"currents of {name} (no amplifier)": motor.amplifier is not None,
     }
     return [words for words, checked in known.items() if not checked]
 
@@ -118,8 +119,11 @@ def axes_table(sizing: Sizing) -> Table:
 def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -> Table:
     """Return how much of each rating is used, when and on which part of the way."""
     rows: dict[str, tuple[str, ...]] = {}
-    for leg, axis in zip(LEGS, sizing.axes, strict=True):
-        for rating in sorted(axis.ratings, key=lambda one: -one.share):
+    owners = {leg: list(axis.ratings) for leg, axis in zip(LEGS, sizing.axes, strict=True)}
+    for owner, rating in sizing.others:
+        owners.setdefault(owner, []).append(rating)
+    for leg, ratings in owners.items():
+        for rating in sorted(ratings, key=lambda one: -one.share):
             whole = math.isnan(rating.time)
             place = "over the cycle" if whole else ("" if where is None else where(rating.time))
             name = f"{leg}: {rating.name}" + (f" [{rating.unit}]" if rating.unit else "")
@@ -204,17 +208,19 @@ def write_ranking(found: Sequence[Sizing], path: str | os.PathLike[str]) -> Path
     The path written.
     """
     suffix_of(path, "table")
-    names = list(
-        dict.fromkeys(rating.name for sizing in found for axis in sizing.axes for rating in axis.ratings)
-    )
+    each = [_owned(sizing) for sizing in found]
+    columns = list(dict.fromkeys((owner, name) for one in each for owner, name in one))
+    columns.sort(key=lambda one: [*LEGS, one[0]].index(one[0]))
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["drive", "verdict", *(f"{name} {leg} used" for leg in LEGS for name in names)])
-    for sizing in found:
-        shares = [
-            {rating.name: f"{rating.share:.17g}" for rating in axis.ratings}.get(name, "")
-            for axis in sizing.axes
-            for name in names
-        ]
-        writer.writerow([sizing.name, sizing.verdict, *shares])
+    writer.writerow(["drive", "fits", *(f"{name} {owner} used" for owner, name in columns)])
+    for sizing, shares in zip(found, each, strict=True):
+        cells = (f"{shares[one]:.17g}" if one in shares else "" for one in columns)
+        writer.writerow([sizing.name, int(sizing.fits), *cells])
     return write_atomic(path, text.getvalue())
+
+
+def _owned(sizing: Sizing) -> dict[tuple[str, str], float]:
+    """Return how much of each rating is used, by owner and name."""
+    axes = [(leg, rating) for leg, axis in zip(LEGS, sizing.axes, strict=True) for rating in axis.ratings]
+    return {(owner, rating.name): rating.share for owner, rating in (*axes, *sizing.others)}

@@ -135,6 +135,11 @@ class Screw:
         return 1.25 * self.diameter, f"nominal diameter of {self.name} 5/4 of its core"
 
     @property
+    def static_limit(self) -> float:
+        """Largest force at the nut [N]; infinite if nothing is known."""
+        return math.inf
+
+    @property
     def critical_speed(self) -> float:
         """Speed at which the screw would whirl [rad/s]; infinite without diameter and length."""
         if self.diameter is None or self.length is None:

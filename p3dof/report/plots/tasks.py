@@ -13,7 +13,7 @@ from p3dof._base.tables import percent
 from p3dof.design.assessment import Assessment
 from p3dof.design.balance import BestBalance
 from p3dof.design.clearance import Clearance, CollisionModel
-from p3dof.design.drives import Cycle, Sizing
+from p3dof.design.drives import Cycle, Sizing, SupplyLoads
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
@@ -146,14 +146,18 @@ def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
     """Draw the torque of each motor over its speed, with its continuous and peak torque curves.
 
     The cycle is a closed curve; its root mean square is a dot, which must lie within the darker field. The
-    curve must lie within the lighter one.
+    curve must lie within the lighter one. With a supply, the bus voltage over the cycle stands beside them.
     """
     for name, value, kind in (("sizing", sizing, Sizing), ("cycle", cycle, Cycle)):
         if not isinstance(value, kind):
             raise InputError(f"{name}: expected a {kind.__name__}, got {shown(value)}")
-    figure = new_figure(figsize=(10.5, 4.2))
-    axes = figure.subplots(1, 3, sharey=True)
+    loads = sizing.supply
+    columns = 3 if loads is None else 4
+    figure = new_figure(figsize=(3.5 * columns, 4.2))
+    axes = [figure.add_subplot(1, columns, 1)]
+    axes += [figure.add_subplot(1, columns, k, sharey=axes[0]) for k in (2, 3)]
     for leg, axis in enumerate(axes):
+        axis.tick_params(labelleft=leg == 0)
         _draw(axis, sizing, cycle, leg)
         tidy(axis)
         axis.set_title(f"{LEGS[leg]}: {sizing.drives[leg].name}", fontsize=9)
@@ -161,7 +165,21 @@ def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
     axes[0].set_ylabel("motor torque [N m]")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=5, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
+    if loads is not None:
+        _draw_buses(figure.add_subplot(1, columns, columns), loads)
     return figure
+
+
+def _draw_buses(axis: Axes, loads: SupplyLoads) -> None:
+    """Draw the voltage of each bus over the cycle, and the largest."""
+    for k, bus in enumerate(loads.buses):
+        axis.plot(bus.time, bus.voltage, color=COLOURS[k] if len(loads.buses) > 1 else "0.2", label=bus.name)
+    axis.axhline(loads.supply.max_voltage, color="#b3261e", lw=1.2, label="largest")
+    tidy(axis)
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("bus voltage [V]")
+    axis.legend(loc="best", frameon=False, fontsize=9)
 
 
 def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
