@@ -32,7 +32,9 @@ from p3dof.cli.case import (
 from p3dof.cli.files import InputFile, source, write_results
 from p3dof.cli.kinds import DURATION, FIGURE, Number, as_one, table_out
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
+from p3dof.cli.work import LIFE
 from p3dof.design.bearings import bearing_life, bearings_table, guides_table, read_bearings, rods_table
+from p3dof.design.drives import required_life
 from p3dof.design.forces_of_tasks import reactions_of_task
 from p3dof.design.tasks import Plan, read_task
 
@@ -159,21 +161,23 @@ def _warnings(case: Case) -> tuple[str, ...]:
 @with_load
 @with_joint_loads
 @click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
-def bearings(loads: JointLoads, bearings_file: Path, rest: float) -> int:
+@LIFE
+def bearings(loads: JointLoads, bearings_file: Path, rest: float, life: str | None) -> int:
     """Compute the life of bearings and guides for a repeated motion, and the buckling safety of rods.
 
     BEARINGS is a YAML file with the ratings of bearings and guides. The loads are the joint reactions of the
-    elastic model.
+    elastic model. Exit code 1 when a life is less than is required (--life, or `life` in the file).
     """
     loads.protect()
+    needed = required_life(life, "--life")
     parts = read_bearings(source(bearings_file))
     reactions = loads.reactions("elastic")
     machine = loads.case.robot.parameters
-    report = bearing_life(machine, reactions, parts, stiffness=loads.elasticity, rest=rest)
+    report = bearing_life(machine, reactions, parts, stiffness=loads.elasticity, rest=rest, life=needed)
     console = loads.case.console()
     print_warnings(console, report.warnings)
     place = None if loads.plan is None else loads.place
     tables = (bearings_table(report, place), guides_table(report, place), rods_table(report))
     show(console, *(table for table in tables if table.rows), notes=True)
     print_plain(console, how_chosen(reactions))
-    return 0
+    return 0 if report.lasts else 1

@@ -199,6 +199,8 @@ def _assessed(
     )
     console = case.console()
     print_plain(console, f"{result.name}: {result.verdict}")
+    if result.assumed:
+        print_plain(console, f"assumed: {'; '.join(result.assumed)}")
     print_plain(console, f"not checked: {'; '.join(result.unchecked)}")
     print_warnings(console, result.warnings)
     print_written(console, [path])
@@ -389,6 +391,8 @@ def designs(
             rest=work.rest,
             brake_safety=work.brake_safety,
             per_axis=work.per_axis,
+            life=work.required,
+            frictionless=work.frictionless,
             samples=samples,
             progress=progress,
         )

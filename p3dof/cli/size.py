@@ -15,8 +15,8 @@ from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, sour
 from p3dof.cli.kinds import DURATION, FIGURE, Whole, table_out
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
 from p3dof.cli.output import print_plain, print_written, progress_bar, show
-from p3dof.cli.work import BRAKE, PER_AXIS, REST, STOPS
-from p3dof.design.assessment import frictionless
+from p3dof.cli.work import BRAKE, FRICTIONLESS, LIFE, PER_AXIS, REST, STOPS
+from p3dof.design.assessment import frictionless as without_friction
 from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_table, best_balance
 from p3dof.design.drives import (
     GENERIC,
@@ -25,16 +25,18 @@ from p3dof.design.drives import (
     caveats,
     cycle_of,
     not_checked,
+    nuts_table,
     ranking_table,
     ratings_table,
     read_catalogue,
+    required_life,
     stops_table,
     supply_table,
     verdict,
     write_ranking,
 )
 from p3dof.design.fastest import limits_of, sizing_table, within_limits
-from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
+from p3dof.design.forces_of_tasks import USUAL_FRICTION, TaskForces, forces_of_task, with_guide_friction
 from p3dof.design.sizing import size_drives, stopped_safely
 from p3dof.design.tasks import read_task
 from p3dof.machine.parameters import Body, write_parameters
@@ -59,6 +61,8 @@ _TASKS = (".yaml", ".yml")
 @BRAKE
 @PER_AXIS
 @STOPS
+@LIFE
+@FRICTIONLESS
 @click.option("--samples", type=Whole(2, 1_000_000), default=4001, help="Least number of samples.")
 @click.option("--top", type=Whole(1), default=10, help="Number of drives to list.")
 @METHOD
@@ -75,6 +79,8 @@ def size(
     brake_safety: float,
     per_axis: bool,
     stops: bool,
+    life: str | None,
+    frictionless: bool,
     samples: int,
     top: int,
     method: str,
@@ -98,7 +104,9 @@ def size(
     if friction is None and stiffness is not None:
         raise click.UsageError("--stiffness decides the loads of --load-friction, which is not given")
     given = stiffness_in(stiffness)
-    found = forces_of_task(robot, plan, method, load_friction=friction, stiffness=given)
+    needed = required_life(life, "--life")
+    bare = forces_of_task(robot, plan, method, load_friction=friction, stiffness=given)
+    found = bare if frictionless or not bare.possible else with_guide_friction(robot, bare, None, given)
     with progress_bar("drives", len(catalogue)) as progress:
         ranked = size_drives(
             robot,
@@ -107,6 +115,8 @@ def size(
             rest=rest,
             brake_safety=brake_safety,
             per_axis=per_axis,
+            life=needed,
+            frictionless=True,
             progress=progress,
         )
     console = console_beside(out)
@@ -119,9 +129,13 @@ def size(
     print_plain(console, f"{best.name} {nearest}{told}")
     for words in caveats(best):
         print_plain(console, words)
-    print_plain(console, f"not checked: {'; '.join((*not_checked(best), *frictionless(robot, found)))}")
+    if found is not bare:
+        print_plain(console, f"assumed: {USUAL_FRICTION} (--frictionless leaves it out)")
+    print_plain(console, f"not checked: {'; '.join((*not_checked(best), *without_friction(robot, found)))}")
     show(console, ranking_table(ranked, top), notes=True)
     show(console, axes_table(best), ratings_table(best, lambda time: found.piece_at(time).name), notes=True)
+    nuts = nuts_table(best)
+    show(console, *([nuts] if nuts.rows else []), notes=True)
     if best.supply is not None:
         show(console, supply_table(best.supply), notes=True)
     if stopped:

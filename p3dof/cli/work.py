@@ -20,7 +20,7 @@ from p3dof.cli.output import in_options, progress_bar
 from p3dof.design.assessment import Assessment, assess
 from p3dof.design.bearings import read_bearings
 from p3dof.design.clearance import Clearance, Surroundings, read_surroundings
-from p3dof.design.drives import read_catalogue
+from p3dof.design.drives import RequiredLife, read_catalogue, required_life
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.fastest import fastest_plan
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task
@@ -49,6 +49,16 @@ CLEARANCE = click.option(
 )
 PER_AXIS = click.option("--per-axis", is_flag=True, help="Choose the drive of each axis on its own.")
 STOPS = click.option("--stops", is_flag=True, help="Also compute emergency stops at all instants.")
+LIFE = click.option(
+    "--life",
+    metavar="TEXT",
+    help="Required life of ball nuts, bearings and guides, such as '20000 h', '1e7 cycles' or '5000 km'.",
+)
+FRICTIONLESS = click.option(
+    "--frictionless",
+    is_flag=True,
+    help="Size drives without the usual friction of guides, where none is given.",
+)
 _OPTIONS = (
     click.option("--drives", type=InputFile(), help="Catalogue of motors, gears, screws and belts (YAML)."),
     click.option(
@@ -64,6 +74,8 @@ _OPTIONS = (
     REST,
     BRAKE,
     PER_AXIS,
+    LIFE,
+    FRICTIONLESS,
 )
 
 
@@ -79,6 +91,8 @@ class Work:
     rest: float  # after each cycle [s]
     brake_safety: float  # of holding brakes
     per_axis: bool  # whether the axes may have different drives
+    life: str | None  # that is required
+    frictionless: bool  # whether guides have no friction but what is given
 
     @property
     def asks(self) -> bool:
@@ -97,6 +111,8 @@ class Work:
             "--rest": self.rest or None,
             "--brake-safety": None if self.brake_safety == BRAKE_SAFETY else self.brake_safety,
             "--per-axis": self.per_axis or None,
+            "--life": self.life,
+            "--frictionless": self.frictionless or None,
         }
 
     def protect(
@@ -106,6 +122,11 @@ class Work:
         protect((task, self.drives, self.bearings, self.load_friction, *inputs), outputs)
         if self.fastest and self.duration is not None:
             raise click.UsageError("--duration: the fastest motion has its own (--fastest)")
+
+    @property
+    def required(self) -> RequiredLife | None:
+        """The life that is required."""
+        return required_life(self.life, "--life")
 
     def refuse_plans(self, reason: str) -> None:
         """Refuse options of plans where there is nothing to plan."""
@@ -155,6 +176,8 @@ class Work:
                 brake_safety=self.brake_safety,
                 per_axis=self.per_axis,
                 stops=stops,
+                life=self.required,
+                frictionless=self.frictionless,
                 name=name,
                 clearance=clearance,
                 progress=progress,

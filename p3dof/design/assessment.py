@@ -23,7 +23,7 @@ from p3dof._base.tables import (
     table_of,
 )
 from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
-from p3dof.design.bearings import BearingReport, Bearings, bearing_life
+from p3dof.design.bearings import BearingLife, BearingReport, Bearings, bearing_life
 from p3dof.design.clearance import Clearance
 from p3dof.design.drives import (
     VERDICTS,
@@ -32,17 +32,25 @@ from p3dof.design.drives import (
     Cycle,
     Drive,
     Margins,
+    RequiredLife,
     Sizing,
     StopLoads,
     caveats,
     cycle_of,
     not_checked,
+    required_life,
 )
 from p3dof.design.drives.margins import verdict_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, WHIRL
 from p3dof.design.fastest import unseen_limits, uses_of_task
-from p3dof.design.forces_of_tasks import TaskForces, joined, reactions_under
-from p3dof.design.sizing import size_drives
+from p3dof.design.forces_of_tasks import (
+    USUAL_FRICTION,
+    TaskForces,
+    joined,
+    reactions_under,
+    with_guide_friction,
+)
+from p3dof.design.sizing import size_drives, stopped_safely
 from p3dof.design.tasks import AxisLimits, FastestPlan
 from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
@@ -158,6 +166,8 @@ class Assessment(ShownInNotebook):
         How near parts come to each other; None if nobody asked.
     stops : tuple of StopLoads
         Emergency stops with the first of the drives; none if nobody asked for them.
+    assumed : tuple of str
+        What stands in where nothing was given, besides what ratings tell.
     """
 
     name: str
@@ -172,6 +182,7 @@ class Assessment(ShownInNotebook):
     ambient: Ambient = field(default_factory=Ambient)
     clearance: Clearance | None = None
     stops: tuple[StopLoads, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"
@@ -263,7 +274,9 @@ class Assessment(ShownInNotebook):
             unseen = unseen_limits(self.limits)
             told += [unseen] if unseen else []
         if self.drives is not None:
-            told += [*caveats(self.drives), *_of_brakes(self.drives), *self.ambient.warnings]
+            told += [*caveats(self.drives), *_of_brakes(self.drives), *_of_preloads(self.drives)]
+            told += self.ambient.warnings
+            told += [*_of_brakes(self.drives), *_of_preloads(self.drives)]
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
 
     @cached_property
@@ -350,19 +363,15 @@ class Assessment(ShownInNotebook):
     def _of_bearings(self) -> list[RatingUse]:
         if self.bearings is None:
             return []
-        report = self.bearings
-        loads = [
-            *(
-                ("bearing", one.joint, one.static_load, one.bearing.static, one.static_time)
-                for one in report.bearings
-            ),
-            *(("guide", one.joint, one.peak_load, one.guide.static, one.peak_time) for one in report.guides),
-        ]
-        found = [
-            RatingUse(kind, "static load", joint, load, static, "N", time, self.place(time))
-            for kind, joint, load, static, time in loads
-            if static is not None
-        ]
+        report, found = self.bearings, list[RatingUse]()
+        for one in report.parts:
+            kind, part = ("bearing", one.bearing) if isinstance(one, BearingLife) else ("guide", one.guide)
+            if part.static is not None:
+                allowed, when = part.static / part.static_safety, one.static_time
+                use = ("static load", one.joint, one.static_load, allowed, "N", when, self.place(when))
+                found.append(RatingUse(kind, *use))
+            if not math.isnan(one.required):
+                found.append(RatingUse(kind, "life", one.joint, one.required, one.hours, "h", math.nan, ""))
         for rod in report.rods:
             values = (
                 rod.compression,
@@ -389,6 +398,8 @@ def assess(
     ambient: Ambient | None = None,
     per_axis: bool = False,
     stops: bool = False,
+    life: RequiredLife | str | None = None,
+    frictionless: bool = False,
     name: str = "",
     clearance: Clearance | None = None,
     progress: Progress | None = None,
@@ -420,6 +431,11 @@ def assess(
         Whether the axes may have different drives.
     stops : bool
         Whether emergency stops with the best of the drives count too, with the `stop` of a catalogue.
+    life : RequiredLife or str, optional
+        What ball nuts, bearings and guides have to live, such as ``"20000 h"``; what their files say
+        without it.
+    frictionless : bool
+        Leave the forces as they are; else drives are sized with friction of guides, see `size_drives`.
     name : str
         What the assessment is called; the name of the task without one.
     clearance : Clearance, optional
@@ -445,8 +461,11 @@ def assess(
         raise InputError(f"clearance: expected a Clearance, got {shown(clearance)}")
     pause = not_negative("rest", rest)
     cycle_of(found, pause)  # says at once that the machine cannot make it
+    needed = required_life(life)
     ranked: list[Sizing] = []
+    bare = found
     if drives is not None:
+        found = found if frictionless else with_guide_friction(robot, found, bearings, stiffness)
         ranked = size_drives(
             robot,
             found,
@@ -456,6 +475,8 @@ def assess(
             margins=margins,
             ambient=ambient,
             per_axis=per_axis,
+            life=needed,
+            frictionless=True,
             progress=progress,
         )
     stopped: tuple[StopLoads, ...] = ()
@@ -468,10 +489,12 @@ def assess(
     if bearings is not None or stiffness is not None:
         loads = _reactions(robot, found, stiffness)
     if loads is not None and bearings is not None:
-        report = bearing_life(robot.parameters, loads, bearings, stiffness=stiffness, rest=pause)
+        about = {"stiffness": stiffness, "rest": pause, "life": needed}
+        report = bearing_life(robot.parameters, loads, bearings, **about)  # type: ignore[arg-type]  # by name
     told = name or (found.plan.name if isinstance(found, TaskForces) else "motion") or "task"
     place = ambient or (drives.ambient if isinstance(drives, Catalogue) else Ambient())
-    parts = loads, report, stiffness, limits, place, clearance, stopped
+    assumed = () if found is bare else (USUAL_FRICTION,)
+    parts = loads, report, stiffness, limits, place, clearance, stopped, assumed
     return Assessment(told, robot, found, pause, tuple(ranked), *parts)
 
 
@@ -519,6 +542,9 @@ def _of_parts(report: BearingReport | None) -> list[str]:
     told = [f"bearings of {', '.join(bare)} (no ratings)"] if bare else []
     told += [f"static load of {', '.join(blank)} (no static rating)"] if blank else []
     told += [] if report.rods else ["legs and rods (their stiffness is none)"]
+    lives = [one.required for one in report.parts]
+    if not all(map(math.isnan, lives)):
+        return told
     return [*told, "whether lives of bearings and guides suffice (no life was required)"]
 
 
@@ -530,6 +556,16 @@ def _of_brakes(sizing: Sizing) -> list[str]:
         dict.fromkeys(drive.motor.name for drive in sizing.drives if not drive.motor.brake_torque)
     )
     return [f"{names}: no brake is given; the machine falls when the power fails"]
+
+
+def _of_preloads(sizing: Sizing) -> list[str]:
+    """Return a warning for nuts whose preload the largest force releases."""
+    return [
+        f"{leg}: {short(nut.largest)} N at t = {nut.largest_time:.4g} s release the nut, whose preload is "
+        f"{short(nut.preload)} N: a third of the largest force is usual"
+        for leg, nut in zip(LEGS, (axis.nut for axis in sizing.axes), strict=True)
+        if nut is not None and nut.released
+    ]
 
 
 def short(value: float, digits: int = 4) -> str:
@@ -659,7 +695,7 @@ def assumptions(found: Assessment) -> dict[str, str]:
         "shafts, buckling at the nut" + _of_the_task(found),
         "parallelogram": f"half width b = {1e3 * parameters.geometry.b:g} mm: the paper does not give it; it "
         "affects no actuator force, but the loads of rods and bearings",
-        "friction": _friction(found),
+        "friction": "; ".join(found.assumed) or _friction(found),
         "armature and counterbalance": _actuators(found),
     }
     if found.drives is not None:

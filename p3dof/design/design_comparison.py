@@ -24,7 +24,7 @@ from p3dof.analysis.load_friction import LoadFriction
 from p3dof.analysis.reactions import JOINTS, Stiffness
 from p3dof.design.assessment import Assessment, as_result, assess
 from p3dof.design.bearings import Bearings
-from p3dof.design.drives import Drive
+from p3dof.design.drives import Drive, RequiredLife
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.drives.tables import YES
 from p3dof.design.fastest import fastest_plan, limits_of
@@ -183,6 +183,8 @@ def compare_designs(
     rest: float = 0.0,
     brake_safety: float = BRAKE_SAFETY,
     per_axis: bool = False,
+    life: RequiredLife | str | None = None,
+    frictionless: bool = False,
     samples: int = 2001,
     progress: Progress | None = None,
 ) -> list[DesignComparison]:
@@ -201,7 +203,7 @@ def compare_designs(
         Do each task as fast as each machine's own limits allow.
     drives : iterable of Drive, optional
         Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them.
-    bearings, stiffness, rest, brake_safety, per_axis
+    bearings, stiffness, rest, brake_safety, per_axis, life, frictionless
         As of `assess`.
     load_friction : LoadFriction, optional
         Friction of all machines that grows with the loads of their joints.
@@ -255,6 +257,8 @@ def compare_designs(
                 rest=rest,
                 brake_safety=brake_safety,
                 per_axis=per_axis,
+                life=life,
+                frictionless=frictionless,
                 name=job if alone else name,
             )
         )

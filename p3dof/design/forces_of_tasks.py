@@ -16,7 +16,7 @@ from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
-from p3dof.analysis.load_friction import LoadFriction
+from p3dof.analysis.load_friction import LoadFriction, SlideContact
 from p3dof.analysis.reactions import (
     AnyReactions,
     Choice,
@@ -27,10 +27,12 @@ from p3dof.analysis.reactions import (
     of_result,
     ways_of,
 )
+from p3dof.design.bearings import Bearings, Guide
+from p3dof.design.bearings.catalogue import ROLLING_FRICTION, SEAL_FRICTION
 from p3dof.design.tasks import FastestPlan, Piece, Plan
 from p3dof.design.tasks.plan import JUMP
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import LEGS, Limits
+from p3dof.machine.parameters import LEGS, SLIDES, Limits
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics, JointStates
 from p3dof.methods.registry import Method
@@ -264,6 +266,86 @@ def task_forces_html(found: TaskForces) -> str:
     """Return how a notebook shows the forces of a task, as HTML."""
     facts = f"{len(found.plan.pieces)} segments over {number(found.plan.duration)} s"
     return notebook_html("Forces of a task", facts, [pieces_table(found)])
+
+
+GUIDES = SlideContact(drag=SEAL_FRICTION, mu=ROLLING_FRICTION, arm=0.01)
+"""Friction of guides of which nothing is known: one carriage each, of a size for this machine."""
+USUAL_FRICTION = (
+    f"friction of guides: {SEAL_FRICTION:g} N of its seals and {ROLLING_FRICTION:g} of its load for each "
+    "carriage, as none was given"
+)
+"""What `with_guide_friction` adds by default, in words."""
+_LOOKS = 60  # instants of each piece at which loads of guides are found: they change slowly
+
+
+@overload
+def with_guide_friction(
+    robot: Manipulator, found: TaskForces, bearings: Bearings | None = ..., stiffness: Stiffness | None = ...
+) -> TaskForces: ...
+@overload
+def with_guide_friction(
+    robot: Manipulator,
+    found: InverseDynamics | TaskForces,
+    bearings: Bearings | None = ...,
+    stiffness: Stiffness | None = ...,
+) -> InverseDynamics | TaskForces: ...
+def with_guide_friction(
+    robot: Manipulator,
+    found: InverseDynamics | TaskForces,
+    bearings: Bearings | None = None,
+    stiffness: Stiffness | None = None,
+) -> InverseDynamics | TaskForces:
+    """Return forces with the usual friction of guides: of seals, and of what the carriages bear.
+
+    Of a guide whose ratings are known, `p3dof.design.bearings.Guide.resistance`; of others, that of `GUIDES`.
+    Friction along a guide changes the force of its own actuator and no load of a joint, so that loads are
+    those without it. Where machine or forces have friction already, and of a fastest motion, which was
+    planned without it up to the limits, `found` itself.
+    """
+    results = (found,) if isinstance(found, InverseDynamics) else found.results
+    if robot.parameters.friction or any(result.coulomb is not None for result in results):
+        return found
+    if isinstance(found, InverseDynamics):
+        return _rubbed(robot, found, bearings, stiffness)
+    if isinstance(found.plan, FastestPlan):
+        return found
+    pairs = zip(machines_of(robot, found.plan), found.results, strict=True)
+    return replace(found, results=tuple(_rubbed(machine, one, bearings, stiffness) for machine, one in pairs))
+
+
+def _rubbed(
+    robot: Manipulator, result: InverseDynamics, bearings: Bearings | None, stiffness: Stiffness | None
+) -> InverseDynamics:
+    rows = np.unique(np.linspace(0, len(result.time) - 1, _LOOKS).round().astype(int))
+    kept = np.zeros(len(result.time), dtype=bool)
+    kept[rows] = True
+    motion = result.motion
+    time, pose, velocity, acceleration = (
+        values[rows] for values in (motion.time, motion.pose, motion.velocity, motion.acceleration)
+    )
+    few = _stacked([result], Motion(time, pose, velocity, acceleration, check=False, start=0.0), kept)
+    loads = of_result(robot.loop, robot.parameters, few, "elastic", "raise", stiffness).each[0]
+    limits = {}
+    for joint in SLIDES:
+        guide = None if bearings is None else bearings.of(joint)
+        forces, moments = loads[joint].forces, loads[joint].moments
+        if isinstance(guide, Guide):
+            largest = guide.resistance(forces, moments)
+        else:
+            across = np.abs(forces[:, :2]).sum(axis=1) + np.abs(moments).sum(axis=1) / GUIDES.arm
+            largest = GUIDES.drag + GUIDES.mu * across
+        limits[joint] = np.interp(result.time, few.time, largest)[:, None]
+    coulomb = CoulombLimits(limits, LoadFriction(slides=GUIDES).smoothing)
+    speeds = result.slider_velocities
+    friction = np.hstack(list(limits.values())) * np.tanh(speeds / coulomb.smoothing)
+    lost = (friction * speeds).sum(axis=1)
+    return replace(
+        result,
+        forces=result.forces + friction,
+        power=result.power + lost,
+        dissipation=result.dissipation + lost,
+        coulomb=coulomb,
+    )
 
 
 _WHOLE = ("crossings", "armature")  # arrays that do not go by sample

@@ -17,18 +17,20 @@ from p3dof.design.drives import (
     Catalogue,
     Drive,
     Margins,
+    RequiredLife,
     Sizing,
     StopLoads,
     StopRamp,
     Supply,
     cycle_of,
+    required_life,
     size_of,
     with_others,
     with_supply,
 )
 from p3dof.design.drives.sizing import BRAKE_SAFETY
 from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
-from p3dof.design.forces_of_tasks import TaskForces, machines_of
+from p3dof.design.forces_of_tasks import TaskForces, machines_of, with_guide_friction
 from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import LEGS, Friction, Parameters
 from p3dof.manipulator import Manipulator
@@ -48,6 +50,8 @@ def size_drives(
     ambient: Ambient | None = None,
     supply: Supply | None = None,
     per_axis: bool = False,
+    life: RequiredLife | str | None = None,
+    frictionless: bool = False,
     progress: Progress | None = None,
 ) -> list[Sizing]:
     """Return what a motion or a task takes of drives, the best first.
@@ -85,6 +89,11 @@ def size_drives(
         What feeds the amplifiers; that of the catalogue without it.
     per_axis : bool
         Whether the axes may have different drives.
+    life : RequiredLife or str, optional
+        What ball nuts have to live, such as ``"20000 h"``; that of the catalogue without it.
+    frictionless : bool
+        Leave the forces as they are; else, where neither machine nor forces have any friction, they get that
+        which is usual of guides: 3.5 N of seals and .003 of its load for each carriage.
     progress : callable, optional
         Called with (done, total) drives.
 
@@ -106,6 +115,7 @@ def size_drives(
         )
     if isinstance(drives, Catalogue):
         margins, ambient = margins or drives.margins, ambient or drives.ambient
+    needed = required_life(life if life is not None else getattr(drives, "life", None))
     chosen = [drives] if isinstance(drives, Drive) else list(drives)
     if not chosen:
         raise DriveError("drives: expected at least one, got none")
@@ -116,7 +126,8 @@ def size_drives(
         names = [{drive.name for drive in drives.of_axis(leg)} for leg in LEGS]
         of_axes = [[drive for drive in chosen if drive.name in allowed] for allowed in names]
         per_axis = per_axis or bool(drives.axes)
-    cycle = cycle_of(found, rest)
+    cycle_of(found, rest)  # says at once that the machine cannot make it
+    cycle = cycle_of(found if frictionless else with_guide_friction(robot, found), rest)
     held, when, mass, last = _static(robot, found)
     cycle = replace(cycle, holding=last)
 
@@ -130,6 +141,7 @@ def size_drives(
             brake_safety=brake_safety,
             margins=margins,
             ambient=ambient,
+            life=needed,
         )
         return sizing if source is None else with_supply(sizing, cycle, source)
 

@@ -26,7 +26,14 @@ from p3dof.design.assessment import (
 from p3dof.design.bearings import bearings_table, guides_table, rods_table
 from p3dof.design.clearance import clearance_table
 from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
-from p3dof.design.drives import axes_table, ranking_table, ratings_table, stops_table, supply_table
+from p3dof.design.drives import (
+    axes_table,
+    nuts_table,
+    ranking_table,
+    ratings_table,
+    stops_table,
+    supply_table,
+)
 from p3dof.design.fastest import sizing_table
 from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, pieces_table, without_jumps
 from p3dof.machine.motion import motion_table
@@ -137,6 +144,7 @@ def _content(found: Assessment) -> dict[str, Any]:
     motion = forces.plan.motion if isinstance(forces, TaskForces) else forces.motion
     report, sizing = found.bearings, found.drives
     lives = [] if report is None else [bearings_table(report), guides_table(report), rods_table(report)]
+    lives += [] if sizing is None else [nuts_table(sizing)]
     return {
         "pictures": _pictures(found),
         "loads": loads_table(found),

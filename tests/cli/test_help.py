@@ -30,6 +30,8 @@ OPTIONS = r"""
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
 --brake-safety | number | Safety factor of holding brakes
+--life | text | Required life of ball nuts, bearings and guides
+--frictionless | | Size drives without the usual friction of guides
 --centre-error | AMOUNT | Error of the mass centres
 --check | flag | Write nothing
 --clearance | AMOUNT | Least distance that all parts

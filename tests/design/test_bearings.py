@@ -210,12 +210,12 @@ def test_a_constant_load_lives_as_the_standard_says():
     )
     assert replace(BALL, kind="roller").exponent == pytest.approx(10 / 3)
     forces, moments = GUIDE.parts(np.array([[3.0, -4.0, 99.0]]), np.array([[1.2, -2.4, 3.0]]))
-    assert forces.tolist() == [7.0]
-    np.testing.assert_allclose(moments, [1.2 / 120 * 1e4 + 2.4 / 120 * 1e4 + 3 / 150 * 1e4], rtol=1e-14)
+    assert forces.tolist() == [[7.0]]
+    np.testing.assert_allclose(moments, [[1.2 / 120 * 1e4 + 2.4 / 120 * 1e4 + 3 / 150 * 1e4]], rtol=1e-14)
     above = replace(GUIDE, centre=(0.0, 0.0, 0.1))  # 4 N across turn it by 0.4 N m
     _, moments = above.parts(np.array([[0.0, 4.0, 0.0]]), np.array([[0.4, 0.0, 0.0]]))
     turned = 0.4 + 0.1 * 4.0
-    np.testing.assert_allclose(moments, [turned / 120 * 1e4], rtol=1e-14)
+    np.testing.assert_allclose(moments, [[turned / 120 * 1e4]], rtol=1e-14)
 
 
 def test_a_rail_that_is_mounted_otherwise(elastic):

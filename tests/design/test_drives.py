@@ -307,7 +307,10 @@ FULL = Drive(
         max_braking_power=300.0, torque_constant_rms=0.6,
         amplifier=Amplifier(rated_current_rms=3.0, max_current_rms=60.0),
     ),
-    Screw(0.01, diameter=0.0127, length=0.5, max_speed=400.0, name="16x10"),
+    Screw(
+        0.01, diameter=0.0127, length=0.5, max_speed=400.0, name="16x10", nominal_diameter=0.016,
+        dynamic=9000.0, static=13000.0,
+    ),
     Gear(2.0, max_speed=500.0, max_torque=40.0, name="planets"),
 )  # fmt: skip
 """A drive with a number for every rating that there is."""
@@ -325,6 +328,8 @@ FULL = Drive(
         ("motor", {"amplifier": None}, "currents of motor (no amplifier)"),
         ("transmission", {"max_speed": math.inf}, "speed of the nut of 16x10, DN (no max_speed)"),
         ("transmission", {"length": None, "inertia": 1e-5}, "no diameter and length"),
+        ("transmission", {"dynamic": None, "drag": None}, "life of the nut of 16x10 (no dynamic rating)"),
+        ("transmission", {"static": None}, "static load of the nut of 16x10 (no static rating)"),
         ("gear", {"max_speed": math.inf}, "speed of planets (no max_speed)"),
         ("gear", {"max_torque": math.inf}, "torque of planets (no max_torque)"),
     ],
@@ -540,6 +545,9 @@ def test_the_command_ranks_a_catalogue(capsys, tmp_path, monkeypatch):
     assert out.splitlines()[0].startswith("M400 + ")
     told = " ".join(out.split())
     assert "not checked: " in told
+    assert "assumed: friction of guides: 3.5 N of its seals and 0.003 of its load for each carriage" in told
+    _, out, _ = run(capsys, "size", "task.yaml", "--duration", 2, "--drives", "drives.yaml", "--frictionless")
+    told = " ".join(out.split())
     assert "friction of guides and joints (none was given: forces are those without)" in told
     rows = list(csv.DictReader((tmp_path / "ranked.csv").read_text(encoding="utf-8").splitlines()))
     assert len(rows) == 8
@@ -592,7 +600,7 @@ def test_the_figure_shows_the_cycle_within_the_curves(tmp_path, capsys):
 
     robot = p3dof.load()
     result = robot.inverse_dynamics(p3dof.paper_motion(101))
-    (sizing,) = p3dof.size_drives(robot, result, [D1])
+    (sizing,) = p3dof.size_drives(robot, result, [D1], frictionless=True)
     cycle = cycle_of(result, 0.0)
     figure = plots.drives_figure(sizing, cycle)
     for leg, axis in enumerate(figure.axes):

@@ -22,6 +22,7 @@ from p3dof.analysis.reactions import (
 )
 from p3dof.closed_form import kinematics
 from p3dof.design.bearings.catalogue import SLIDES, TURNING, Bearing, Bearings, Guide
+from p3dof.design.drives import RequiredLife, required_life
 from p3dof.machine.parameters import Parameters
 
 FULL_TURN = 2 * math.pi
@@ -44,6 +45,7 @@ class BearingLife(Readable):
     swing: float  # from one end of its way to the other [rad]
     life: float  # L10 in revolutions: nine of ten bearings reach it; infinite if it does not turn
     hours: float  # the same in hours of the cycle
+    required: float = math.nan  # what was required of these [h]; NaN if nothing was
 
     @property
     def static_safety(self) -> float:
@@ -64,13 +66,17 @@ class GuideLife(Readable):
 
     joint: str  # where it is
     guide: Guide  # which
-    mean_load: float  # equivalent load of the whole cycle, weighted by the way [N]; NaN if it does not move
-    peak_load: float  # largest equivalent load [N]
+    mean_load: float
+    """Equivalent load of the whole cycle, weighted by the way, of the carriage that bears more [N]; NaN if it
+    does not move."""
+    peak_load: float  # largest equivalent load of a carriage [N]
     peak_time: float  # when [s]
     way: float  # of a cycle, to and fro [m]
     moment_share: float  # which part of the equivalent load comes from moments, in the mean over the cycle
-    life: float  # [m]; infinite if it does not move
+    life: float  # of the carriage that bears more [m]; infinite if it does not move
     hours: float  # the same in hours of the cycle
+    required: float = math.nan  # what was required of these [h]; NaN if nothing was
+    mean_loads: tuple[float, ...] = ()  # of each carriage, as `mean_load` [N]
 
     @property
     def static_load(self) -> float:
@@ -116,6 +122,16 @@ class BearingReport(ShownInNotebook):
     rods: tuple[RodCheck, ...]  # legs and rods; none if they are rigid
     cycle: float  # how long a cycle takes [s]
     warnings: tuple[str, ...]  # what to know before these numbers are used, the most important first
+
+    @property
+    def parts(self) -> tuple[BearingLife | GuideLife, ...]:
+        """All bearings and guides."""
+        return (*self.bearings, *self.guides)
+
+    @property
+    def lasts(self) -> bool:
+        """Whether no part lives shorter than is required."""
+        return not any(one.hours < one.required for one in self.parts)
 
 
 LONG = 1e5  # longer lives are not told as numbers: other causes end them [h]
@@ -229,7 +245,7 @@ def report_html(report: BearingReport) -> str:
 _OFTEN = 0.5  # from which share of moments in a guide's load two carriages are recommended
 _SMALL = math.radians(60)  # below this swing the ways of neighbouring rolling elements may not overlap
 _MUCH, _FEW = 0.05, 4  # from which share of the largest load what misfits add is told, and of how many joints
-_SAFE = {"buckling": 4.0, "static": 2.0}
+_SAFE = {"buckling": 4.0}
 _ENDS = {
     "leg_a": ("hinge_a", "loop_a"),
     "leg_b": ("hinge_b", "loop_b"),
@@ -245,6 +261,7 @@ def bearing_life(
     *,
     stiffness: Stiffness | None = None,
     rest: float = 0.0,
+    life: RequiredLife | str | None = None,
 ) -> BearingReport:
     """Return how long bearings and guides live under a cycle that is repeated, and how safe rods are.
 
@@ -266,6 +283,8 @@ def bearing_life(
         That of the reactions: for the section of the rods.
     rest : float
         How long the machine rests after the last sample of a cycle [s].
+    life : RequiredLife or str, optional
+        What bearings and guides have to live, such as ``"20000 h"``; that of `bearings` without it.
 
     Raises
     ------
@@ -284,13 +303,14 @@ def bearing_life(
     pause = not_negative("rest", rest)
     cycle = elastic.motion.duration + pause
     rates = _rates(parameters, elastic)
+    needed = required_life(life if life is not None else bearings.life)
     of_bearings, of_guides = [], []
     for joint in (*SLIDES, *TURNING):
         part = bearings.of(joint)
         if isinstance(part, Guide):
-            of_guides.append(_guide(elastic, joint, part, rates[joint], cycle))
+            of_guides.append(_guide(elastic, joint, part, rates[joint], cycle, needed))
         elif isinstance(part, Bearing):
-            of_bearings.append(_bearing(elastic, joint, part, rates[joint], cycle))
+            of_bearings.append(_bearing(elastic, joint, part, rates[joint], cycle, needed))
     section = (Stiffness() if stiffness is None else stiffness).rods
     rods = () if section is None else tuple(rod_check(parameters, elastic, name, section) for name in _ENDS)
     warnings = (*_warnings(of_bearings, of_guides, rods), *_misfits(elastic, of_bearings))
@@ -345,7 +365,12 @@ def _times(rating: float, mean: float, exponent: float) -> float:
 
 
 def _bearing(
-    reactions: Reactions, joint: str, bearing: Bearing, rate: FloatArray, cycle: float
+    reactions: Reactions,
+    joint: str,
+    bearing: Bearing,
+    rate: FloatArray,
+    cycle: float,
+    needed: RequiredLife | None,
 ) -> BearingLife:
     forces, time = reactions[joint].forces, reactions.time
     radial, axial = np.hypot(forces[:, 0], forces[:, 2]), np.abs(forces[:, 1])
@@ -357,20 +382,34 @@ def _bearing(
     steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     way = np.concatenate([[0.0], np.cumsum(steps)])
     peaks = [(float(each.max()), float(time[each.argmax()])) for each in (load, static)]
-    return BearingLife(joint, bearing, mean, *peaks[0], *peaks[1], turns, float(np.ptp(way)), life, hours)
+    required = math.nan if needed is None else needed.hours_of(cycle)
+    swing = float(np.ptp(way))
+    return BearingLife(joint, bearing, mean, *peaks[0], *peaks[1], turns, swing, life, hours, required)
 
 
-def _guide(reactions: Reactions, joint: str, guide: Guide, rate: FloatArray, cycle: float) -> GuideLife:
+def _guide(
+    reactions: Reactions,
+    joint: str,
+    guide: Guide,
+    rate: FloatArray,
+    cycle: float,
+    needed: RequiredLife | None,
+) -> GuideLife:
     one, time = reactions[joint], reactions.time
     forces, moments = guide.parts(one.forces, one.moments)
-    load = forces + moments
-    mean, way = _mean(load, rate, time, guide.exponent)
+    load = guide.equivalent(one.forces, one.moments)
+    means = [_mean(column, rate, time, guide.exponent) for column in load.T]
+    mean, way = max(means)
     life = guide.basis * _times(guide.dynamic, mean, guide.exponent)
     hours = life / way * cycle / 3600 if way else math.inf
-    shares = np.divide(moments, load, out=np.zeros_like(load), where=load > 0)
+    bare = forces + moments
+    shares = np.divide(moments, bare, out=np.zeros_like(bare), where=bare > 0).mean(axis=1)
     share = float(np.trapezoid(shares, time) / (time[-1] - time[0]))
-    at = int(load.argmax())
-    return GuideLife(joint, guide, mean, float(load[at]), float(time[at]), way, share, life, hours)
+    at = int(load.max(axis=1).argmax())
+    peak = float(load[at].max()), float(time[at])
+    required = math.nan if needed is None else needed.hours_of(cycle, way)
+    each = tuple(mean for mean, _ in means)
+    return GuideLife(joint, guide, mean, *peak, way, share, life, hours, required, each)
 
 
 def rod_check(parameters: Parameters, reactions: Reactions, name: str, section: RodSection) -> RodCheck:
@@ -409,13 +448,19 @@ def _warnings(
         for rod in rods
         if rod.buckling_safety < _SAFE["buckling"]
     ]
+    for one in parts:
+        asked = (one.bearing if isinstance(one, BearingLife) else one.guide).static_safety
+        if one.static_safety < asked:
+            told.append(
+                f"{one.joint}: static safety {one.static_safety:.2g} at t = {one.static_time:.4g} s, "
+                f"less than {asked:g}"
+            )
     told += [
-        f"{one.joint}: static safety {one.static_safety:.2g} at t = {one.static_time:.4g} s, "
-        f"less than {_SAFE['static']:g}"
+        f"{one.joint}: {number(one.hours)} h of life, {number(one.required)} h are required"
         for one in parts
-        if one.static_safety < _SAFE["static"]
+        if one.hours < one.required
     ]
-    heavy = [guide for guide in guides if guide.moment_share > _OFTEN]
+    heavy = [guide for guide in guides if guide.moment_share > _OFTEN and guide.guide.distance is None]
     if heavy:
         share = max(guide.moment_share for guide in heavy)
         names = ", ".join(guide.joint for guide in heavy)

@@ -3,6 +3,7 @@
 from p3dof.design.drives.catalogue import GENERIC, Catalogue, read_catalogue, write_catalogue
 from p3dof.design.drives.margins import VERDICTS, Ambient, Margins, margins_of
 from p3dof.design.drives.motor import Amplifier, Motor, Winding
+from p3dof.design.drives.nuts import NutLife, RequiredLife, required_life
 from p3dof.design.drives.sizing import (
     AxisLoads,
     Cycle,
@@ -19,12 +20,13 @@ from p3dof.design.drives.tables import (
     axes_table,
     caveats,
     not_checked,
+    nuts_table,
     ranking_table,
     ratings_table,
     verdict,
     write_ranking,
 )
-from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
+from p3dof.design.drives.transmission import Belt, Drive, Gear, Rack, Screw
 
 __all__ = [
     "GENERIC",
@@ -40,7 +42,10 @@ __all__ = [
     "Gear",
     "Margins",
     "Motor",
+    "NutLife",
+    "Rack",
     "Rating",
+    "RequiredLife",
     "Screw",
     "Sizing",
     "StopLoads",
@@ -54,9 +59,11 @@ __all__ = [
     "cycle_of",
     "margins_of",
     "not_checked",
+    "nuts_table",
     "ranking_table",
     "ratings_table",
     "read_catalogue",
+    "required_life",
     "size_of",
     "stops_table",
     "supply_table",

@@ -16,6 +16,8 @@ The form of a file::
     screws:
       - {name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, efficiency: 0.9}
     belts: []
+    racks: []                                # likewise
+    life: 20000 h                            # optional: what nuts have to live; or '1e7 cycles', '5000 km'
     gears:                                   # optional; without it motors drive screws and belts directly
       - {name: direct, ratio: 1}
       - {name: i3, ratio: 3, efficiency: 0.96, inertia: 0.1 kg cm^2}
@@ -71,9 +73,10 @@ from p3dof._base.quantities import (
 from p3dof.design.drives.makers import CURVE, parts_of_table
 from p3dof.design.drives.margins import Ambient, Margins
 from p3dof.design.drives.motor import Amplifier, Motor, Winding
+from p3dof.design.drives.nuts import RequiredLife, required_life
 from p3dof.design.drives.stopping import StopRamp
 from p3dof.design.drives.supply import Supply
-from p3dof.design.drives.transmission import Belt, Drive, Gear, Screw
+from p3dof.design.drives.transmission import LEAD_GRADES, Belt, Drive, Gear, Rack, Screw
 from p3dof.machine.parameters import LEGS
 from p3dof.machine.parameters.machine import read_fields
 
@@ -98,10 +101,12 @@ _UNITS: Mapping[str, Quantity] = {
     **{f"{most}_current_{kind}": CURRENT for most in ("rated", "max") for kind in ("rms", "peak")},
     **dict.fromkeys(("voltage", "max_voltage"), VOLTAGE),
     "capacitance": CAPACITANCE,
+    "preload": FORCE,
+    "lead_accuracy": LENGTH,
     "deceleration": ACCELERATION,
     "jerk": JERK,
     "delay": TIME,
-    "static_load": FORCE,
+    **dict.fromkeys(("dynamic", "static", "max_force", "pretension", "max_tension"), FORCE),
     "brake_energy": ENERGY,
 }
 """Kinds of number by the names of fields, which mean one thing in all parts."""
@@ -111,11 +116,13 @@ _KINDS: Mapping[str, type[Any]] = {
     "motors": Motor,
     "screws": Screw,
     "belts": Belt,
+    "racks": Rack,
     "gears": Gear,
     "amplifiers": Amplifier,
 }
 """Lists of a catalogue."""
-_SELECTED = ("motors", "gears", "screws", "belts")
+_SELECTED = ("motors", "gears", "screws", "belts", "racks")
+_SLOW = ("screws", "belts", "racks")
 _INNER: Mapping[str, type[Any]] = {
     "winding": Winding,
     "margins": Margins,
@@ -142,6 +149,7 @@ class Catalogue(Readable):
     axes: Mapping[str, Mapping[str, Sequence[str]]] = field(default_factory=dict)
     """What axes A, B and C may have, by names of `motors`, `gears`, `screws` and `belts`; a kind that is left
     out is not restricted, but of screws and belts one that is named leaves the other out."""
+    life: RequiredLife | None = None  # what nuts have to live
 
     def __post_init__(self) -> None:
         kinds: tuple[tuple[str, type[Any] | tuple[type[Any], ...]], ...] = (
@@ -169,6 +177,7 @@ class Catalogue(Readable):
             raise DriveError(f"catalogue: supply: expected a Supply, got {shown(self.supply)}")
         if not isinstance(self.stop, StopRamp | None):
             raise DriveError(f"catalogue: stop: expected a StopRamp, got {shown(self.stop)}")
+        object.__setattr__(self, "life", required_life(self.life, "catalogue: life"))
         self._check_axes()
 
     def _check_axes(self) -> None:
@@ -191,15 +200,14 @@ class Catalogue(Readable):
                         raise DriveError(f"{where}: {kind}: expected one of {words}, got {shown(name)}")
 
     def _of_kind(self, kind: str) -> Sequence[Motor | Screw | Belt | Gear]:
-        if kind in ("screws", "belts"):
-            wanted = Screw if kind == "screws" else Belt
-            return [part for part in self.transmissions if isinstance(part, wanted)]
+        if kind in _SLOW:
+            return [part for part in self.transmissions if type(part) is _KINDS[kind]]
         return self.motors if kind == "motors" else self.gears
 
     def of_axis(self, leg: str) -> list[Drive]:
         """Return the drives that an axis, A, B or C, may have."""
         kinds = self.axes.get(leg, {})
-        slow = {kind: kinds[kind] for kind in ("screws", "belts") if kind in kinds}
+        slow = {kind: kinds[kind] for kind in _SLOW if kind in kinds}
         return [
             drive
             for drive in self
@@ -219,7 +227,7 @@ class Catalogue(Readable):
 
 
 def _kind(drive: Drive) -> str:
-    return "screws" if isinstance(drive.transmission, Screw) else "belts"
+    return next(kind for kind in _SLOW if type(drive.transmission) is _KINDS[kind])
 
 
 def read_catalogue(path: Source) -> Catalogue:
@@ -242,7 +250,7 @@ def read_catalogue(path: Source) -> Catalogue:
     data = parse_yaml(read_text(path), source, DriveError)
     single = [item.name for item in fields(Catalogue) if item.name in _INNER]
     try:
-        data = read_fields(data, source, ("motors",), (*_KINDS, *single, "axes"))
+        data = read_fields(data, source, ("motors",), (*_KINDS, *single, "axes", "life"))
         amplifiers = _parts(data.get("amplifiers", []), "amplifiers", folder, f"{source}: amplifiers")
         fed = {one.name: one for one in amplifiers}
         if len(fed) < len(amplifiers):
@@ -260,7 +268,12 @@ def read_catalogue(path: Source) -> Catalogue:
     try:
         gears = parts["gears"] or [Gear()]
         found = Catalogue(
-            parts["motors"], [*parts["screws"], *parts["belts"]], gears, **others, axes=data.get("axes", {})
+            parts["motors"],
+            [*parts["screws"], *parts["belts"], *parts["racks"]],
+            gears,
+            **others,
+            axes=data.get("axes", {}),
+            life=data.get("life"),
         )
     except DriveError as error:
         raise DriveError(f"{source}: {error}") from error
@@ -353,6 +366,8 @@ def _part(
             values[key] = _part(value, _INNER[key], place)
         elif key == "amplifier":
             values[key] = _fed(value, amplifiers or {}, place)
+        elif _as_text(key, value):
+            values[key] = value
         else:
             unit = unit_of(cls, key)
             values[key] = value if unit is None else unit.read(value, place)
@@ -360,6 +375,12 @@ def _part(
         return cls(**values)
     except DriveError as error:
         raise DriveError(f"{where}: {error}") from error
+
+
+def _as_text(key: str, value: Any) -> bool:
+    """Whether a text is no number with a unit: a preload as a share, a tolerance grade of a lead."""
+    share = key == "preload" and isinstance(value, str) and value.strip().endswith("%")
+    return share or (key == "lead_accuracy" and isinstance(value, str) and value in LEAD_GRADES)
 
 
 def _fed(name: Any, amplifiers: Mapping[str, Amplifier], where: str) -> Amplifier:
@@ -413,12 +434,14 @@ def write_catalogue(catalogue: Catalogue, path: str | os.PathLike[str]) -> Path:
 def dump(catalogue: Catalogue) -> str:
     """Return the text of a catalogue, in the units that makers print, without what follows from the rest."""
     screws = [part for part in catalogue.transmissions if isinstance(part, Screw)]
-    belts = [part for part in catalogue.transmissions if isinstance(part, Belt)]
+    racks = [part for part in catalogue.transmissions if isinstance(part, Rack)]
+    belts = [part for part in catalogue.transmissions if type(part) is Belt]
     gears = [] if list(map(_plain, catalogue.gears)) == [_plain(Gear())] else catalogue.gears
     lists: dict[str, Sequence[Any]] = {
         "motors": catalogue.motors,
         "screws": screws,
         "belts": belts,
+        "racks": racks,
         "gears": gears,
         "amplifiers": list(
             {motor.amplifier.name: motor.amplifier for motor in catalogue.motors if motor.amplifier}.values()
@@ -431,6 +454,8 @@ def dump(catalogue: Catalogue) -> str:
         part = getattr(catalogue, name)
         if part is not None and (plain := _plain(part)):
             data[name] = plain
+    if catalogue.life is not None:
+        data["life"] = str(catalogue.life)
     if catalogue.axes:
         data["axes"] = {
             leg: {kind: list(names) for kind, names in kinds.items()} for leg, kinds in catalogue.axes.items()
@@ -460,6 +485,8 @@ def _told(cls: type[Any], name: str, value: Any) -> Any:
         return np.asarray(value).tolist()
     if name == "amplifier":
         return value.name
+    if isinstance(value, str):
+        return value
     if name == "curve":
         return [
             [_number(float(number), unit) for number, unit in zip(row, _CURVE, strict=True)] for row in value

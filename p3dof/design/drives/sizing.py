@@ -31,8 +31,9 @@ from p3dof.design.drives.margins import (
     verdict_of,
 )
 from p3dof.design.drives.motor import above_zero
+from p3dof.design.drives.nuts import NutLife, RequiredLife, nut_life, required_life
 from p3dof.design.drives.supply import DUTY, Supply, SupplyLoads, loads_of_supply
-from p3dof.design.drives.transmission import Drive, Screw
+from p3dof.design.drives.transmission import RACK_SAFETY, STATIC_SAFETY, USUAL_PRELOAD, Drive, Rack, Screw
 from p3dof.machine.parameters import LEGS
 
 
@@ -172,6 +173,7 @@ class AxisLoads(Readable):
     same turning parts and no losses [m]; NaN where the slider does not move."""
     ratings: tuple[Rating, ...]  # how much of each rating is used
     heat_share: float = 1.0  # what heat and height leave of the motor's continuous torque at standstill
+    nut: NutLife | None = None  # of a screw whose dynamic rating is known
 
     @property
     def worst(self) -> Rating:
@@ -271,11 +273,12 @@ def size_of(
     brake_safety: float = BRAKE_SAFETY,
     margins: Margins | None = None,
     ambient: Ambient | None = None,
+    life: RequiredLife | str | None = None,
 ) -> Sizing:
     """Return what a cycle takes of drives.
 
     `held`: largest forces that brakes must hold, over the poses of the task, without friction [N]; those at
-    rest in the cycle without it.
+    rest in the cycle without it. `life`: what nuts have to live, such as ``"20000 h"``.
     """
     reserves, place = margins or Margins(), ambient or Ambient()
     require("margins", reserves, Margins, DriveError)
@@ -284,7 +287,7 @@ def size_of(
     chosen = (drives,) * 3 if isinstance(drives, Drive) else tuple(drives)
     if len(chosen) != 3 or not all(isinstance(drive, Drive) for drive in chosen):
         raise DriveError("drives: expected one Drive, or those of A, B and C")
-    safety = above_zero("brake_safety", brake_safety)
+    safety, needed = above_zero("brake_safety", brake_safety), required_life(life)
     still = np.abs(cycle.holding) if held is None else np.abs(frozen_array("held", held, (3,), DriveError))
     unknown: FloatArray = np.full((2, 3), np.nan)
     when = unknown[0] if held_time is None else frozen_array("held_time", held_time, (3,), DriveError)
@@ -300,7 +303,7 @@ def size_of(
             "N m",
             float(when[leg]),
         )
-        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg])), reserves))
+        axes.append(axis.loads(brake, (float(mass[0, leg]), float(mass[1, leg])), reserves, needed))
         powers.append(axis.power)
     bus = np.sum(powers, axis=0)
     given, back = (float(np.trapezoid(part, cycle.time)) for part in (np.maximum(bus, 0), np.minimum(bus, 0)))
@@ -340,8 +343,10 @@ class _Axis:
         self._holding = holding / drive.ratio
         self.power = self._torque * self._turning
 
-    def loads(self, brake: Rating, mass: tuple[float, float], margins: Margins) -> AxisLoads:
-        """Return what the cycle takes, given what the brake must hold and the least and largest load."""
+    def loads(
+        self, brake: Rating, mass: tuple[float, float], margins: Margins, life: RequiredLife | None = None
+    ) -> AxisLoads:
+        """Return what the cycle takes, given what brake and nut must do, and the least and largest load."""
         drive, motor = self._drive, self._drive.motor
         top = int(np.argmax(np.abs(self._torque)))
         own = motor.inertia * drive.ratio**2
@@ -356,6 +361,7 @@ class _Axis:
         back = float(slow.efficiency_back or 0.0)
         before = bare * np.where(nut_power > 0, 1 / slow.efficiency, np.where(nut_power < 0, back, 1.0))
         loss = (before - bare) * slow.ratio * self._speed
+        nut = self._nut()
         return AxisLoads(
             peak_torque=float(self._torque[top]),
             peak_time=float(self._time[top]),
@@ -380,10 +386,55 @@ class _Axis:
                     *self._of_motor(heating, hottest, ratio),
                     *self._of_amplifier(rms),
                     *self._of_transmission(),
+                    *self._of_teeth_and_nuts(nut, life),
                 )
             ),
             heat_share=self._heat_share,
+            nut=nut,
         )
+
+    def _nut(self) -> NutLife | None:
+        """Return the life of the nut, if its rating is known."""
+        slow = self._drive.transmission
+        if not isinstance(slow, Screw) or slow.dynamic is None:
+            return None
+        turning = slow.ratio * self._speed
+        cycle = self._cycle.duration
+        return nut_life(self._time, self._force, turning, cycle, slow.dynamic, slow.preload_force)
+
+    def _of_teeth_and_nuts(self, nut: NutLife | None, life: RequiredLife | None) -> list[Rating]:
+        """Return what the force on the slider uses of nut, belt or rack, and whether the nut lives."""
+        slow, hardest = self._drive.transmission, int(np.argmax(np.abs(self._force)))
+        force, when = float(np.abs(self._force[hardest])), float(self._time[hardest])
+        found = []
+        if isinstance(slow, Screw):
+            if slow.static is not None:
+                safety, told = slow.static_safety, ""
+                if safety is None:
+                    safety, told = STATIC_SAFETY, f"static safety {STATIC_SAFETY:g}, without impact"
+                found.append(Rating("static load", force, slow.static / safety, "N", when, assumed=told))
+            hours = math.nan
+            if life is not None and nut is not None:
+                hours = life.hours_of(self._cycle.duration, nut.turns * slow.lead)
+            if not math.isnan(hours) and nut is not None:
+                told = (
+                    "" if slow.preload is not None else f"preload {USUAL_PRELOAD:.0%} of the dynamic rating"
+                )
+                found.append(Rating("life", hours, nut.hours, "h", assumed=told))
+            return found
+        if slow.max_force < math.inf:
+            rack = isinstance(slow, Rack)
+            usual = RACK_SAFETY if rack else 1.0
+            safety, told = slow.static_safety, ""
+            if safety is None:
+                safety, told = usual, f"static safety {usual:g}"
+            name = "rack force" if rack else "belt force"
+            found.append(Rating(name, force, slow.max_force / safety, "N", when, assumed=told))
+        if slow.pretension > 0:
+            found.append(Rating("pretension", force, slow.pretension, "N", when))
+        if slow.max_tension < math.inf:
+            found.append(Rating("belt tension", force + slow.pretension, slow.max_tension, "N", when))
+        return found
 
     def _best_lead(self) -> float:
         """Return the way a turn with the least mean square of f / i + J i λ̈: i⁴ = <f²> / (J² <λ̈²>)."""

@@ -10,18 +10,19 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from p3dof._base.files import suffix_of, write_atomic
-from p3dof._base.tables import NONE, Table, html_of, notebook_html, number, percent, table_of
+from p3dof._base.tables import NONE, Cell, Table, html_of, notebook_html, number, percent, table_of
 from p3dof.design.drives.margins import VERDICTS
 from p3dof.design.drives.sizing import Rating, Sizing
-from p3dof.design.drives.transmission import Drive, Gear, Screw
+from p3dof.design.drives.transmission import USUAL_PRELOAD, Drive, Gear, Rack, Screw
 from p3dof.machine.parameters import LEGS
 
 
 def not_checked(sizing: Sizing) -> tuple[str, ...]:
     """Return what was not checked of drives, in words, by the field of the catalogue that has no number."""
     found: dict[str, None] = {}
+    required = any(rating.name == "life" for axis in sizing.axes for rating in axis.ratings)
     for drive in dict.fromkeys(sizing.drives):
-        found |= dict.fromkeys((*_of_motor(drive), *_of_gear(drive), *_of_transmission(drive)))
+        found |= dict.fromkeys((*_of_motor(drive), *_of_gear(drive), *_of_transmission(drive, required)))
     return tuple(found)
 
 
@@ -54,16 +55,29 @@ def _of_gear(drive: Drive) -> list[str]:
     return [words for words, checked in known.items() if not checked]
 
 
-def _of_transmission(drive: Drive) -> list[str]:
+def _of_transmission(drive: Drive, required: bool) -> list[str]:
     part = drive.transmission
     if not isinstance(part, Screw):
-        speed = [] if part.max_speed < math.inf else [f"speed of {part.name} (no max_speed)"]
-        return [*speed, f"strength and life of {part.name}"]
+        known = {
+            f"speed of {part.name} (no max_speed)": part.max_speed < math.inf,
+            f"strength of {part.name} (no max_force)": part.max_force < math.inf,
+            f"life of {part.name}, which its maker knows": False,
+        }
+        if not isinstance(part, Rack):
+            known[f"slack and tension of {part.name} (no pretension, no max_tension)"] = (
+                part.pretension > 0 and part.max_tension < math.inf
+            )
+        return [words for words, checked in known.items() if not checked]
     known = {
         f"speed of the nut of {part.name} (max_speed allows any)": part.max_speed != math.inf,
         f"critical speed and buckling of {part.name} (no diameter and length)": part.critical_speed
         < math.inf,
-        f"life and static load of the nut of {part.name}": False,
+        f"life of the nut of {part.name} (no dynamic rating)": part.dynamic is not None,
+        f"whether the life of the nut of {part.name} suffices (no life was required)": required
+        or part.dynamic is None,
+        f"static load of the nut of {part.name} (no static rating)": part.static is not None,
+        f"drag of the preload of {part.name} (no drag, no nominal_diameter)": part.drag > 0
+        or part.preload_force == 0,
     }
     return [words for words, checked in known.items() if not checked]
 
@@ -140,6 +154,48 @@ def ratings_table(sizing: Sizing, where: Callable[[float], str] | None = None) -
     return table_of("Utilisation of ratings", header, rows)
 
 
+def nuts_table(sizing: Sizing) -> Table:
+    """Return how long the ball nuts live; without rows where no dynamic rating is known."""
+    pairs = list(zip(sizing.axes, sizing.drives, strict=True))
+    if all(axis.nut is None for axis, _ in pairs):
+        return Table("Ball nuts", ("of the nut", *LEGS), ())
+    rows: dict[str, list[Cell]] = {
+        "preload [N]": [],
+        "largest force [N]": [],
+        "at t [s]": [],
+        "turns per cycle": [],
+        "mean speed [rpm]": [],
+        "mean load, flank pressed upwards [N]": [],
+        "mean load, other flank [N]": [],
+        "L10 [Mrev]": [],
+        "L10 [h]": [],
+        "static safety": [],
+        "drag of preload [N m]": [],
+        "lead deviation over 300 mm [µm]": [],
+    }
+    for axis, drive in pairs:
+        part, nut = drive.transmission, axis.nut
+        values: list[float] = [math.nan] * len(rows)
+        if nut is not None and isinstance(part, Screw):
+            safety = math.inf if part.static is None else part.static / nut.largest
+            values = [
+                nut.preload, nut.largest, nut.largest_time, nut.turns, _RPM * nut.mean_speed,
+                *nut.mean_loads, nut.life / 1e6, nut.hours, safety, part.drag, 1e6 * part.lead_deviation,
+            ]  # fmt: skip
+        for cells, value in zip(rows.values(), values, strict=True):
+            cells.append(number(value) if math.isfinite(value) else NONE)
+    silent = dict.fromkeys(
+        drive.transmission.name
+        for drive in sizing.drives
+        if isinstance(drive.transmission, Screw) and drive.transmission.dynamic is not None
+        and drive.transmission.preload is None
+    )  # fmt: skip
+    note = "Life of both flanks together (ISO 3408-5), all turns counted, dwells in the hours."
+    if silent:
+        note += f" Preload of {', '.join(silent)}: {USUAL_PRELOAD:.0%} of the dynamic rating, assumed."
+    return table_of("Ball nuts", ("of the nut", *LEGS), rows, note)
+
+
 def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
     """Return whether drives fit, with which reserve, or which ratings are exceeded, the farthest first.
 
@@ -188,7 +244,8 @@ def caveats(sizing: Sizing) -> tuple[str, ...]:
 def sizing_html(sizing: Sizing) -> str:
     """Return how a notebook shows drives on their axes, as HTML."""
     facts = f"{verdict(sizing)}. Not checked: {'; '.join(not_checked(sizing))}."
-    return notebook_html("Drives", facts, [axes_table(sizing), ratings_table(sizing)], caveats(sizing))
+    tables = [axes_table(sizing), ratings_table(sizing), nuts_table(sizing)]
+    return notebook_html("Drives", facts, [table for table in tables if table.rows], caveats(sizing))
 
 
 def _lead(lead: float) -> str:

@@ -32,10 +32,18 @@ _BENDING: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """How a screw is held, to λ² of its first bending vibration and the factor of its buckling load."""
 
+_NUT = ("dynamic", "static", "static_safety")
 _DESIGNATION = re.compile(r"(?<![\d.])(\d{1,3}(?:\.\d{1,3})?)\s?[x×X]\s?(\d{1,3}(?:\.\d{1,3})?)(?![\d.])")
 """As ISO 3408-1 designates ball screws: nominal diameter × lead, in mm."""
 
 ENDS = tuple(_BENDING)  # how a screw may be held at its ends
+USUAL_PRELOAD, MOST_PRELOAD = 0.05, 0.1  # preload of a nut by its dynamic rating: THK's largest is a tenth
+STATIC_SAFETY, RACK_SAFETY = 2.0, 1.4  # of nuts (THK: without impact) and racks, where nothing is given
+_V300 = {"1": 6e-6, "3": 12e-6, "5": 23e-6, "7": 52e-6, "10": 210e-6}
+LEAD_GRADES: Mapping[str, float] = MappingProxyType(
+    {kind + grade: value for kind in "PT" for grade, value in _V300.items() if kind == "T" or len(grade) < 2}
+)
+"""Tolerance grades of screws by ISO 3408-3, P for positioning, T for transport: deviation over 300 mm [m]."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +70,26 @@ class Screw:
         Between the bearings [m].
     ends : str
         How it is held, one of `ENDS`.
-    drag : float
-        Torque of the preloaded nut, at the screw [N m].
+    drag : float, optional
+        Torque of the preloaded nut, at the screw [N m]. Without it k F_pr lead / 2π, with the preload F_pr
+        and k = 0.05 / √tan β (JIS B 1192), where `nominal_diameter` is given; else zero.
     max_speed : float, optional
         What the nut allows [rad/s]; infinite for any. Without it, 5,000 rpm and the DN value are looked at.
     dn : float, optional
         DN value: what nominal diameter times speed may be [mm rpm]; 70,000 is assumed without it.
+    dynamic : float, optional
+        Dynamic axial load rating C_a of the nut, for a million turns [N]; without it, no life is told.
+    static : float, optional
+        Static axial load rating C_0a of the nut [N].
+    preload : float or str, optional
+        F_pr of the nut [N], or its share of `dynamic` such as ``"5 %"``, which it is without it; at most a
+        tenth. Zero for a nut with play.
+    static_safety : float, optional
+        How often the largest force goes into `static` at least: 2 without it; 5 is usual where there are
+        impacts.
+    lead_accuracy : float or str, optional
+        Permissible deviation of the way over 300 mm [m], or its tolerance grade by ISO 3408-3, one of
+        `LEAD_GRADES`, such as ``"T7"``.
     name : str
         What tables call it.
 
@@ -84,16 +106,21 @@ class Screw:
     diameter: float | None = None
     length: float | None = None
     ends: str = "fixed-supported"
-    drag: float = 0.0
+    drag: float = None  # type: ignore[assignment]  # worked out below
     max_speed: float | None = None
     nominal_diameter: float | None = None
     dn: float | None = None
     name: str = "screw"
+    dynamic: float | None = None
+    static: float | None = None
+    preload: float | str | None = None
+    static_safety: float | None = None
+    lead_accuracy: float | str | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = text("screw: name", self.name)
-        for name in ("lead", "diameter", "length", "nominal_diameter", "dn"):
+        for name in ("lead", "diameter", "length", "nominal_diameter", "dn", *_NUT):
             value = getattr(self, name)
             if value is not None:
                 set_(self, name, above_zero(f"{where}: {name}", value))
@@ -103,7 +130,18 @@ class Screw:
                 f"{where}: nominal_diameter: expected at least that of the core, got {nominal:g} m"
             )
         _set_efficiencies(self, where)
-        set_(self, "drag", not_negative(f"{where}: drag", self.drag, DriveError))
+        if isinstance(self.lead_accuracy, str):
+            if self.lead_accuracy not in LEAD_GRADES:
+                known = ", ".join(LEAD_GRADES)
+                raise DriveError(
+                    f"{where}: lead_accuracy: expected a length over 300 mm or one of {known}, "
+                    f"got {self.lead_accuracy!r}"
+                )
+        elif self.lead_accuracy is not None:
+            set_(self, "lead_accuracy", above_zero(f"{where}: lead_accuracy", self.lead_accuracy))
+        self._check_preload(where)
+        drag = self._preload_drag() if self.drag is None else self.drag
+        set_(self, "drag", not_negative(f"{where}: drag", drag, DriveError))
         if self.max_speed not in (None, math.inf):
             set_(self, "max_speed", above_zero(f"{where}: max_speed", self.max_speed))
         if self.ends not in ENDS:
@@ -114,6 +152,46 @@ class Screw:
             set_(self, "inertia", math.pi * STEEL * self.diameter**4 * self.length / 32)
         else:
             raise DriveError(f"{where}: expected an inertia, or a diameter and a length")
+
+    def _check_preload(self, where: str) -> None:
+        """Check the preload; a share of the dynamic rating stays as it is."""
+        if self.preload is None:
+            return
+        if isinstance(self.preload, str):
+            most = share(f"{where}: preload", self.preload, zero=True)
+        else:
+            force = not_negative(f"{where}: preload", self.preload, DriveError)
+            object.__setattr__(self, "preload", force)
+            most = 0.0 if self.dynamic is None else force / self.dynamic
+        if isinstance(self.preload, str) and self.dynamic is None:
+            raise DriveError(f"{where}: preload: a share needs the dynamic rating that it is of")
+        if most > MOST_PRELOAD * (1 + 1e-12):
+            raise DriveError(
+                f"{where}: preload: expected at most {MOST_PRELOAD:.0%} of the dynamic rating, got {most:.3%}"
+            )
+
+    @property
+    def preload_force(self) -> float:
+        """Preload of the nut [N]: 5 % of its dynamic rating where nothing is known; zero without one."""
+        if isinstance(self.preload, str):
+            return share("preload", self.preload, zero=True) * float(self.dynamic or 0.0)
+        if self.preload is not None:
+            return self.preload
+        return USUAL_PRELOAD * float(self.dynamic or 0.0)
+
+    def _preload_drag(self) -> float:
+        """Return the torque that the preload takes [N m]; zero where the lead angle is not known."""
+        if self.nominal_diameter is None:
+            return 0.0
+        tangent = self.lead / (math.pi * self.nominal_diameter)
+        return 0.05 / math.sqrt(tangent) * self.preload_force * self.lead / (2 * math.pi)
+
+    @property
+    def lead_deviation(self) -> float:
+        """Permissible deviation of the way over 300 mm [m]; NaN if nothing is known."""
+        if isinstance(self.lead_accuracy, str):
+            return LEAD_GRADES[self.lead_accuracy]
+        return math.nan if self.lead_accuracy is None else self.lead_accuracy
 
     @property
     def ratio(self) -> float:
@@ -136,8 +214,8 @@ class Screw:
 
     @property
     def static_limit(self) -> float:
-        """Largest force at the nut [N]; infinite if nothing is known."""
-        return math.inf
+        """Largest force at the nut, its static rating by the safety that is asked for [N]; or infinite."""
+        return math.inf if self.static is None else self.static / (self.static_safety or STATIC_SAFETY)
 
     @property
     def critical_speed(self) -> float:
@@ -158,7 +236,7 @@ class Screw:
 
 @dataclass(frozen=True)
 class Belt:
-    """A belt, a rack or another drive with a constant ratio that acts on the slider along its way."""
+    """A belt or another drive with a constant ratio that acts on the slider along its way."""
 
     diameter: float  # pitch diameter of the pulley or pinion [m]
     efficiency: float = 0.95  # as of a `Screw`
@@ -168,10 +246,22 @@ class Belt:
     drag: float = 0.0  # friction torque at the pulley [N m]
     max_speed: float = math.inf  # what is allowed [rad/s]; infinite if nothing is known
     name: str = "belt"  # what tables call it
+    max_force: float = math.inf
+    """Tangential force that the teeth in mesh pass on [N], as the maker gives it for width and pulley."""
+    pretension: float = 0.0
+    """Tension of each span at rest [N]; zero if nothing is known. Near a pulley one span takes all of the
+    force, so that no span is slack as long as the force is below it."""
+    max_tension: float = math.inf  # permissible tension of a span, pretension and force together [N]
+    static_safety: float | None = None
+    """How often the largest force goes into `max_force` at least: 1 of a belt without it."""
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
-        where = text("belt: name", self.name)
+        where = text(f"{type(self).__name__.lower()}: name", self.name)
+        set_(self, "pretension", not_negative(f"{where}: pretension", self.pretension, DriveError))
+        for name in ("max_force", "max_tension", "static_safety"):
+            if getattr(self, name) not in (math.inf, None):
+                set_(self, name, above_zero(f"{where}: {name}", getattr(self, name)))
         set_(self, "diameter", above_zero(f"{where}: diameter", self.diameter))
         _set_efficiencies(self, where)
         set_(self, "inertia", not_negative(f"{where}: inertia", self.inertia, DriveError))
@@ -193,6 +283,23 @@ class Belt:
     def buckling_force(self) -> float:
         """Infinite: nothing buckles."""
         return math.inf
+
+
+@dataclass(frozen=True)
+class Rack(Belt):
+    """A rack and the pinion that rolls on it: a `Belt` without tension, with more reserve at its teeth.
+
+    `diameter` is that of the pinion, `max_force` what the maker permits at its teeth; `static_safety` is
+    `RACK_SAFETY` without it.
+    """
+
+    efficiency: float = 0.97
+    name: str = "rack"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.pretension or self.max_tension < math.inf:
+            raise DriveError(f"{self.name}: expected no pretension and no max_tension: a rack has none")
 
 
 @dataclass(frozen=True)
