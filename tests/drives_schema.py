@@ -17,13 +17,17 @@ from p3dof._base.errors import P3dofError
 from p3dof.design.drives import catalogue
 from p3dof.design.drives.makers import ENCODINGS, FIELDS, SEPARATORS
 from p3dof.design.drives.margins import Ambient, Margins
-from p3dof.design.drives.motor import MEASURED, Motor, Winding
-from p3dof.design.drives.transmission import ENDS, Belt, Gear, Screw
+from p3dof.design.drives.motor import MEASURED, Amplifier, Motor, Winding
+from p3dof.design.drives.stopping import StopRamp
+from p3dof.design.drives.supply import Supply
+from p3dof.design.drives.transmission import ENDS, LEAD_GRADES, Belt, Gear, Rack, Screw
 
 PAGE = ROOT / "docs/reference/files.md"
 PATH = ROOT / "docs/reference/drives.schema.json"
 LEAST: dict[type[Any], dict[str, Any]] = {
-    Motor: {"name": "a", "rated_torque": 1, "peak_torque": 2, "max_speed": 100, "inertia": 1e-4},
+    Motor: {
+        "name": "a", "rated_torque": 1, "peak_torque": 2, "max_speed": 100, "inertia": 1e-4,
+    },
     Winding: {
         "bus_voltage": 320, "pole_pairs": 4, "resistance": 1, "inductance": 8e-3, "measured": "phase",
         "flux": 0.1, "max_current_rms": 8,
@@ -31,12 +35,22 @@ LEAST: dict[type[Any], dict[str, Any]] = {
     Screw: {"name": "a", "lead": 0.01, "inertia": 1e-5},
     Belt: {"name": "a", "diameter": 0.04},
     Gear: {"name": "a"},
+    Rack: {"name": "a", "diameter": 0.04},
+    Amplifier: {"name": "a", "rated_current_rms": 3, "max_current_rms": 9},
+    Supply: {"capacitance": 5e-4, "voltage": 320, "max_voltage": 380, "resistor_power": 200},
+    StopRamp: {"deceleration": 8, "jerk": 400},
     Margins: {},
     Ambient: {},
 }  # fmt: skip
 """Of each class fields that are taken; one more class needs its own."""
 CHOICES = {"ends": ENDS, "measured": MEASURED}
 RULES: dict[type[Any], dict[str, Any]] = {
+    Amplifier: {
+        "allOf": [
+            {"oneOf": [{"required": [f"{most}_current_rms"]}, {"required": [f"{most}_current_peak"]}]}
+            for most in ("rated", "max")
+        ]
+    },
     Screw: {"anyOf": [{"required": ["inertia"]}, {"required": ["diameter", "length"]}]},
     Winding: {
         "allOf": [
@@ -89,6 +103,17 @@ def form(cls: type[Any], item: Any) -> dict[str, Any]:  # noqa: PLR0911  # a lin
     if name in catalogue._PAIRS:
         pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
         return {"type": "array", "minItems": 1, "items": pair}
+    if name == "amplifier":
+        return {"type": "string"}
+    if name == "preload":
+        return {
+            "anyOf": [
+                {"$ref": "#/$defs/fromZero"},
+                {"type": "string", "pattern": rf"^\s*\+?{_DIGITS}\s*%\s*$"},
+            ]
+        }
+    if name == "lead_accuracy":
+        return {"anyOf": [{"enum": list(LEAD_GRADES)}, {"$ref": "#/$defs/positive"}]}
     if name in catalogue._INNER:
         return {"$ref": f"#/$defs/{name}"}
     if kind in ("str", "bool"):
@@ -195,9 +220,21 @@ def schema() -> dict[str, Any]:
     ]
     properties = {kind: listed(kind) for kind in kinds}
     properties |= {name: {"$ref": f"#/$defs/{name}"} for name in single}
+    names = {"type": "array", "minItems": 1, "items": {"type": "string"}}
+    of_axis = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": dict.fromkeys(catalogue._SELECTED, names),
+    }
+    properties["axes"] = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": dict.fromkeys("ABC", of_axis),
+    }
+    properties["life"] = {"type": "string", "pattern": rf"^\s*{_DIGITS}\s+(h|cycles?|km|m)\s*$"}
     some = [
         {"required": [kind], "properties": {kind: {"anyOf": [{"type": "object"}, {"minItems": 1}]}}}
-        for kind in ("screws", "belts")
+        for kind in ("screws", "belts", "racks")
     ]
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -59,6 +59,7 @@ _UNITS: dict[str, tuple[_Powers, Fraction]] = {
     "hp": ((2, 1, -3, 0, 0), 550 * Fraction(3048, 10**4) * Fraction(44482216152605, 10**13)),
     "mNm": ((2, 1, -2, 0, 0), Fraction(1, 1000)),
     "J": ((2, 1, -2, 0, 0), Fraction(1)),
+    "kJ": ((2, 1, -2, 0, 0), Fraction(1000)),
     "A": ((0, 0, 0, 0, 1), Fraction(1)),
     "mA": ((0, 0, 0, 0, 1), Fraction(1, 1000)),
     "V": ((2, 1, -3, 0, -1), Fraction(1)),

@@ -51,7 +51,6 @@ PER_AXIS = click.option("--per-axis", is_flag=True, help="Choose the drive of ea
 STOPS = click.option("--stops", is_flag=True, help="Also compute emergency stops at all instants.")
 LIFE = click.option(
     "--life",
-    metavar="TEXT",
     help="Required life of ball nuts, bearings and guides, such as '20000 h', '1e7 cycles' or '5000 km'.",
 )
 FRICTIONLESS = click.option(

@@ -30,8 +30,6 @@ OPTIONS = r"""
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
 --brake-safety | number | Safety factor of holding brakes
---life | text | Required life of ball nuts, bearings and guides
---frictionless | | Size drives without the usual friction of guides
 --centre-error | AMOUNT | Error of the mass centres
 --check | flag | Write nothing
 --clearance | AMOUNT | Least distance that all parts
@@ -60,6 +58,8 @@ OPTIONS = r"""
 --every-tick | flag | Write a row at every
 --exact | flag | Keep massless links massless
 --external | FRAME=FX,FY,FZ[,MX,MY,MZ] / FRAME | (External wrench on a frame|Frame on which)
+--frictionless | flag | Size drives without the usual friction
+--life | text | Required life of ball nuts
 --fastest | flag | Plan the time-optimal motion of
 --figure | FILE | Figure (of histograms and Pareto fronts )?to draw
 --fix | NAME=VALUE | Fixed value that differs from

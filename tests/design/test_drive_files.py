@@ -113,13 +113,13 @@ def test_the_reference_has_every_field_with_its_unit_and_its_default():
     expected = set(_KINDS)
     for kind, cls in _KINDS.items():
         expected |= {f"{kind}[].{item.name}" for item in fields(cls)}
-    single = {"margins", "ambient"}  # of the whole catalogue
-    expected |= single
+    single = {"margins", "ambient", "supply", "stop"}  # of the whole catalogue
+    expected |= single | {"axes", "life"}
     for inner, cls in _INNER.items():
         place = next(path for path in expected if inner in (path, path.rpartition(".")[2]))
         expected |= {f"{place}.{item.name}" for item in fields(cls)}
     assert set(rows()) == expected, f"a field is a row in {PAGE.name}"
-    written = {"kg m^2": "kg m²"}
+    written = {"kg m^2": "kg m²", "m/s^2": "m/s²", "m/s^3": "m/s³"}
     for path, (_, unit, default) in rows().items():
         name = path.rpartition(".")[2]
         if name in _UNITS and name != "curve" and not path.startswith("margins."):
@@ -235,10 +235,17 @@ def test_schema_and_program_take_the_same_of_every_field(kind, tmp_path):
             if taken != valid(data):
                 differ.add((cls.__name__, item.name, str(value)))
     alone = {"flux", "torque_constant_rms", "torque_constant_peak", "voltage_constant", "max_current_rms"}
+    alone |= {"phase_resistance", "amplifier"}  # these need others
     assert {each for each in differ if each[1] not in alone} <= {
         ("Gear", "efficiency", "0"),  # a schema does not know what number a text is, nor how numbers fit
         ("Screw", "efficiency", "0"),
         ("Belt", "efficiency", "0"),
+        ("Rack", "efficiency", "0"),
+        *(("Rack", name, text) for name in ("pretension", "max_tension") for text in ("0.5", "1", "5")),
+        ("Screw", "preload", "50 %"),  # more than a tenth
+        ("Supply", "duty", "0"),
+        ("Supply", "feedback", "True"),  # with a resistor
+        *(("Supply", "max_voltage", text) for text in ("0.5", "1", "5")),  # less than the other
         ("Motor", "peak_torque", "0.5"),
         ("Motor", "rated_torque", "5"),
         ("Motor", "curve", "[[0, 1, 1], [200, 1, 1]]"),
@@ -266,6 +273,11 @@ FORMS = {
     "ohm": {"0.7 ohm": 0.7, "0.7 Ω": 0.7, "700 mΩ": 0.7, "0.7 V/A": 0.7},
     "H": {"8 mH": 0.008, "800 uH": 8e-4, "8e-3 V s/A": 0.008},
     "V s": {"0.07 V s": 0.07, "70 mV s/rad": 0.07},
+    "N": {"12 kN": 12e3, "1 kgf": 9.80665, "900": 900.0},
+    "F": {"560 uF": 5.6e-4, "0.56 mF": 5.6e-4},
+    "J": {"25 J": 25.0, "0.1 kJ": 100.0},
+    "m/s^2": {"8 m/s^2": 8.0, "8000 mm/s²": 8.0},
+    "m/s^3": {"400 m/s^3": 400.0},
     "N m/A": {"0.594 Nm/A": 0.594, "59.4 Ncm/A": 0.594},
 }
 FIELDS_WITH_UNITS = [
@@ -281,7 +293,9 @@ def test_a_number_in_any_unit_is_the_number_in_si_units_and_of_no_other_kind(cls
     quantity = _UNITS[name]
     for text, value in FORMS[quantity.unit].items():
         assert quantity.read(text, "x") == pytest.approx(value, rel=1e-15)
-    alike = {quantity.unit} | ({"V s", "N m/A"} if quantity.unit in ("V s", "N m/A") else set())
+    alike = {quantity.unit} | next(
+        (pair for pair in ({"V s", "N m/A"}, {"N m", "J"}) if quantity.unit in pair), set()
+    )
     others = {each for unit, texts in FORMS.items() if unit not in alike for each in texts}
     for text in others:
         if not re.fullmatch(r"[\d.e+-]+", text):

@@ -22,9 +22,10 @@ from p3dof.design.drives import (
     read_catalogue,
     stopping,
     stops_table,
+    with_others,
 )
 from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
-from p3dof.design.sizing import emergency_stops, with_stops
+from p3dof.design.sizing import emergency_stops
 from p3dof.machine.parameters import Body
 
 TURN = 2 * math.pi
@@ -339,9 +340,7 @@ def test_a_task_stops_with_what_it_carries(robot):
 def test_ratings_of_stops(robot, motion):
     """What is left of the travel, the nut's static load, the motor's peak torque, the brake's energy."""
     found = robot.inverse_dynamics(motion, method="compiled")
-    rated = Drive(
-        replace(MOTOR, brake_energy=12.0), Screw(0.01, diameter=0.0127, length=0.5, static_load=900.0)
-    )
+    rated = Drive(replace(MOTOR, brake_energy=12.0), Screw(0.01, diameter=0.0127, length=0.5, static=1800.0))
     stops = emergency_stops(robot, found, [rated, DRIVE, DRIVE], StopRamp(30.0, 3000.0), instants=21)
     ratings = {(owner, one.name): one for stop in stops for owner, one in stop.ratings}
     ways = [f"{what} of a stop by the {by}" for by in ("drives", "brakes") for what in ("way",)]
@@ -363,7 +362,8 @@ def test_ratings_of_stops(robot, motion):
     assert torque.required > 0
     assert torque.allowed <= 3.8
     sizing = p3dof.size_drives(robot, found, DRIVE)[0]
-    assert with_stops(sizing, stops).others == tuple(one for stop in stops for one in stop.ratings)
+    given = [one for stop in stops for one in stop.ratings]
+    assert with_others(sizing, given).others == tuple(given)
 
 
 @shows("p3dof.design.drives.stopping.stops_table")
@@ -439,8 +439,8 @@ def test_what_is_asked_of_something_else(robot, motion):
         emergency_stops(robot, found, DRIVE, instants=0)
     with pytest.raises(InputError, match="found: expected forces over a motion or a task"):
         emergency_stops(robot, 3, DRIVE)
-    with pytest.raises(DriveError, match="static_load: expected a number above zero"):
-        Screw(0.01, inertia=1e-5, static_load=0.0)
+    with pytest.raises(DriveError, match="static: expected a number above zero"):
+        Screw(0.01, inertia=1e-5, static=0.0)
     with pytest.raises(DriveError, match="catalogue: stop: expected a StopRamp"):
         Catalogue([MOTOR], [DRIVE.transmission], stop=3)
 
@@ -449,7 +449,7 @@ FILE = """
 motors:
   - {name: M, rated_torque: 1.3 Nm, peak_torque: 3.8 Nm, max_speed: 5000 rpm, inertia: 0.3 kg cm^2,
      brake_torque: 1.4 Nm, brake_time: 40 ms}
-screws: [{name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, static_load: 12 kN}]
+screws: [{name: 16x10, lead: 10 mm, diameter: 12.7 mm, length: 500 mm, static: 24 kN}]
 stop: {deceleration: 8 m/s^2, jerk: 400 m/s^3, delay: 4 ms}
 """
 

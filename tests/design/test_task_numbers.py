@@ -224,7 +224,9 @@ PARTS = Bearings(
 
 
 def assessed(robot, forces, drive=None, bearings=None, limits=None):
-    return p3dof.assess(robot, forces, drives=drive, bearings=bearings, limits=limits, rest=REST)
+    return p3dof.assess(
+        robot, forces, drives=drive, bearings=bearings, limits=limits, rest=REST, frictionless=True
+    )
 
 
 def axes_of(samples, drive):
@@ -320,9 +322,9 @@ def static_loads(samples, reactions):
     guide = np.abs(f["slide_b"][:, :2]).sum(axis=1) + 1e4 * (np.abs(m) / [120, 90, 150]).sum(axis=1)
     ball = np.maximum(radial["hinge_left"], 0.6 * radial["hinge_left"] + 0.5 * np.abs(f["hinge_left"][:, 1]))
     loads = [
-        ("static load", "hinge_left", "bearing", ball, 400.0),
-        ("static load", "loop_b", "bearing", radial["loop_b"], 700.0),
-        ("static load", "slide_b", "guide", guide, 2000.0),
+        ("static load", "hinge_left", "bearing", ball, 200.0),
+        ("static load", "loop_b", "bearing", radial["loop_b"], 350.0),
+        ("static load", "slide_b", "guide", guide, 1000.0),
     ]
     length, fixed, _ = p3dof.PAPER.geometry.L, *reactions.in_base()
     for rod, ends in {
@@ -433,7 +435,14 @@ def measured(found, samples, drive):
 def compared():
     designs = {"narrow": MACHINE, "wide": WIDE}
     (found,) = p3dof.compare_designs(
-        designs, TASK, duration=1.4, drives=[GEARED], bearings=PARTS, rest=REST, samples=141
+        designs,
+        TASK,
+        duration=1.4,
+        drives=[GEARED],
+        bearings=PARTS,
+        rest=REST,
+        samples=141,
+        frictionless=True,
     )
     both = [Samples(machine, TASK.plan(1.4, 141)) for machine in designs.values()]
     return found, both

@@ -224,7 +224,7 @@ SI = {
     | {"lbf": constants.lbf, "kgf": constants.kgf, "ozf": constants.lbf / 16},
     (2, 1, -3, 0, 0): {"W": 1, "kW": 1e3, "hp": constants.hp},
     (-1, 1, -2, 0, 0): {"Pa": 1, "MPa": 1e6, "GPa": 1e9, "psi": constants.psi},
-    (2, 1, -2, 0, 0): {"Nm": 1, "Nmm": 1e-3, "Ncm": 1e-2, "mNm": 1e-3, "J": 1},
+    (2, 1, -2, 0, 0): {"Nm": 1, "Nmm": 1e-3, "Ncm": 1e-2, "mNm": 1e-3, "J": 1, "kJ": 1e3},
     (0, 0, 0, 0, 1): {"A": 1, "mA": 1e-3},
     (2, 1, -3, 0, -1): {"V": 1, "mV": 1e-3, "kV": 1e3},
     (2, 1, -3, 0, -2): {"ohm": 1, "Ω": 1, "mohm": 1e-3, "mΩ": 1e-3},

@@ -46,7 +46,7 @@ class Margins(Readable):
     """What share of each rating must stay free, from 0 to below 1.
 
     Ratings that have a safety factor of their own, or are counted with one, have no margin by default:
-    brakes (1.5), critical speed (80 %), buckling (half), static loads, lives.
+    brakes (1.5), critical speed (80 %), buckling (half), braking resistors (their duty), static loads, lives.
 
     Raises
     ------
@@ -63,6 +63,14 @@ class Margins(Readable):
     regeneration: float = 0.2
     rms_current: float = 0.2
     peak_current: float = 0.2
+    time_above_rated_current: float = 0.0
+    amplifier_power: float = 0.2
+    line_power: float = 0.2
+    peak_braking: float = 0.0
+    braking_resistor_power: float = 0.0
+    feedback: float = 0.2
+    rise_of_the_voltage: float = 0.0
+    rise_of_the_bus_voltage: float = 0.0
     gear_torque: float = 0.2
     gear_speed: float = 0.2
     brake: float = 0.0
@@ -71,6 +79,10 @@ class Margins(Readable):
     nut_speed: float = 0.0
     DN: float = 0.0
     belt_speed: float = 0.0
+    belt_force: float = 0.0
+    belt_tension: float = 0.0
+    pretension: float = 0.0
+    rack_force: float = 0.0
     buckling: float = 0.0
     life: float = 0.0
     static_load: float = 0.0

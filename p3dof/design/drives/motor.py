@@ -321,7 +321,7 @@ class Motor(Readable):
         set_(self, "rated_ambient", Ambient(self.rated_ambient).temperature)
         for field in ("derating_temperature", "derating_altitude"):
             set_(self, field, _shares(f"{where}: {field}", getattr(self, field)))
-        for field in ("max_inertia_ratio", "max_power", "max_braking_power"):
+        for field in ("max_inertia_ratio", "max_power", "max_braking_power", "brake_energy"):
             if getattr(self, field) not in (None, math.inf):
                 set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
         if self.peak_torque < self.rated_torque:
