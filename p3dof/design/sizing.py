@@ -25,10 +25,9 @@ from p3dof.design.drives import (
     cycle_of,
     required_life,
     size_of,
-    with_others,
     with_supply,
 )
-from p3dof.design.drives.sizing import BRAKE_SAFETY
+from p3dof.design.drives.sizing import BRAKE_SAFETY, with_others
 from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
 from p3dof.design.forces_of_tasks import TaskForces, machines_of, with_guide_friction
 from p3dof.machine.motion import Motion

@@ -22,8 +22,8 @@ from p3dof.design.drives import (
     read_catalogue,
     stopping,
     stops_table,
-    with_others,
 )
+from p3dof.design.drives.sizing import with_others
 from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
 from p3dof.design.sizing import emergency_stops
 from p3dof.machine.parameters import Body

@@ -479,10 +479,12 @@ def test_different_drives_are_those_of_all_combinations(robot, motion, seed):
 def test_the_bus_decides_between_drives_that_fit_alone(robot, motion):
     """A supply too weak for the first combination: the lightest that it can bear comes first."""
     parts, cycle = catalogue(np.random.default_rng(1)), cycle_of(motion)
-    free = p3dof.size_drives(robot, motion, parts, per_axis=True)
+    free = p3dof.size_drives(robot, motion, parts, per_axis=True, frictionless=True)
     tops = [with_supply(one, cycle, Supply(560e-6, 320, 1e4)).supply.buses[0].top_voltage for one in free]
     limit = min(sorted(tops)[len(tops) // 2], tops[0] * (1 - 1e-9))
-    found = p3dof.size_drives(robot, motion, parts, per_axis=True, supply=Supply(560e-6, 320, limit))
+    found = p3dof.size_drives(
+        robot, motion, parts, per_axis=True, frictionless=True, supply=Supply(560e-6, 320, limit)
+    )
     expected = [one for one, top in zip(free, tops, strict=True) if top <= limit]
     assert power(found[0]) == power(expected[0])
     assert {one.name for one in expected} <= {one.name for one in found if one.fits}

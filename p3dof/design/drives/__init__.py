@@ -4,16 +4,7 @@ from p3dof.design.drives.catalogue import GENERIC, Catalogue, read_catalogue, wr
 from p3dof.design.drives.margins import VERDICTS, Ambient, Margins, margins_of
 from p3dof.design.drives.motor import Amplifier, Motor, Winding
 from p3dof.design.drives.nuts import NutLife, RequiredLife, required_life
-from p3dof.design.drives.sizing import (
-    AxisLoads,
-    Cycle,
-    Rating,
-    Sizing,
-    cycle_of,
-    size_of,
-    with_others,
-    with_supply,
-)
+from p3dof.design.drives.sizing import AxisLoads, Cycle, Rating, Sizing, cycle_of, size_of, with_supply
 from p3dof.design.drives.stopping import StopLoads, StopRamp, brake_fall, stops_table
 from p3dof.design.drives.supply import BusLoads, Supply, SupplyLoads, supply_table
 from p3dof.design.drives.tables import (
@@ -68,7 +59,6 @@ __all__ = [
     "stops_table",
     "supply_table",
     "verdict",
-    "with_others",
     "with_supply",
     "write_catalogue",
     "write_ranking",

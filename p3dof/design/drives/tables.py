@@ -23,6 +23,8 @@ def not_checked(sizing: Sizing) -> tuple[str, ...]:
     required = any(rating.name == "life" for axis in sizing.axes for rating in axis.ratings)
     for drive in dict.fromkeys(sizing.drives):
         found |= dict.fromkeys((*_of_motor(drive), *_of_gear(drive), *_of_transmission(drive, required)))
+    if sizing.supply is None:
+        found |= {"bus voltage and braking resistor over all axes (no supply)": None}
     return tuple(found)
 
 
