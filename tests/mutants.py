@@ -276,6 +276,8 @@ TESTS = {
         "pareto",
     ),
     "p3dof/design/optimisation/robust.py": ("robust",),
+    "p3dof/design/optimisation/mixed.py": ("mixed",),
+    "p3dof/design/optimisation/task_measures.py": ("mixed",),
     "p3dof/design/optimisation/measures.py": (
         "optimisation",
         "study_numbers",

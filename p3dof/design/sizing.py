@@ -127,7 +127,7 @@ def size_drives(
         per_axis = per_axis or bool(drives.axes)
     cycle_of(found, rest)  # says at once that the machine cannot make it
     cycle = cycle_of(found if frictionless else with_guide_friction(robot, found), rest)
-    held, when, mass, last = _static(robot, found)
+    held, when, mass, last = static_loads(robot, found)
     cycle = replace(cycle, holding=last)
 
     def sized(parts: Drive | Sequence[Drive]) -> Sizing:
@@ -295,7 +295,7 @@ def stopped_safely(
     return [left[k] for k in order], stops[order[0]]
 
 
-def _static(
+def static_loads(
     robot: Manipulator, found: InverseDynamics | TaskForces
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the largest static forces (3,), when, least and largest moved masses (2, 3), last holding."""
@@ -309,8 +309,8 @@ def _static(
         when[0] = np.nextafter(when[0], np.inf)  # of this piece, not of the one before it
         times.append(when)
         forces.append(machine.forces(poses, still, still, method="compiled"))
-        jacobian = np.linalg.inv(machine.jacobian(poses))
-        moved = np.swapaxes(jacobian, 1, 2) @ machine.mass_matrix(poses) @ jacobian
+        jacobian = np.linalg.inv(machine.jacobian(poses, method="compiled"))
+        moved = np.swapaxes(jacobian, 1, 2) @ machine.mass_matrix(poses, method="compiled") @ jacobian
         masses.append(np.diagonal(moved, axis1=1, axis2=2) - parameters.actuators.rotors)
     held, moved = np.concatenate(forces), np.concatenate(masses)
     most = np.abs(held).argmax(axis=0)

@@ -101,6 +101,8 @@ def full_name(name: str) -> str:
     for prefix in _PREFIXES:
         if f"{prefix}{name}" in QUANTITIES:
             return f"{prefix}{name}"
+    if name in _ACTUATOR:  # of all sliders alike
+        return f"{ACTUATORS}{name}.sliders"
     ends = {known.removeprefix(prefix): known for known in QUANTITIES for prefix in _PREFIXES}
     hint = meant(name, ends, 0.5) or "."
     raise InputError(

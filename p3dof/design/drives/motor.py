@@ -50,6 +50,13 @@ def share(what: str, value: Any, zero: bool = False) -> float:
     return number
 
 
+def set_worth(part: Any, where: str) -> None:
+    """Check cost and mass of a part, where they are given."""
+    for name in ("cost", "mass"):
+        if getattr(part, name) is not None:
+            object.__setattr__(part, name, not_negative(f"{where}: {name}", getattr(part, name), DriveError))
+
+
 def text(what: str, value: Any) -> str:
     """Return a text, or raise DriveError."""
     if not isinstance(value, str):
@@ -273,6 +280,8 @@ class Motor(Readable):
         Largest energy of a stop that the brake takes [J]; infinite if nothing is known.
     name : str
         What tables call it.
+    cost, mass : float, optional
+        In any unit of money, the same for all parts; with its brake [kg].
 
     Raises
     ------
@@ -305,6 +314,8 @@ class Motor(Readable):
     brake_time: float = 0.0
     brake_energy: float = math.inf
     name: str = "motor"
+    cost: float | None = None
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -324,6 +335,7 @@ class Motor(Readable):
         for field in ("max_inertia_ratio", "max_power", "max_braking_power", "brake_energy"):
             if getattr(self, field) not in (None, math.inf):
                 set_(self, field, above_zero(f"{where}: {field}", getattr(self, field)))
+        set_worth(self, where)
         if self.peak_torque < self.rated_torque:
             raise DriveError(
                 f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m"

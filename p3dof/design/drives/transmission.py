@@ -18,7 +18,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Readable, not_negative
 from p3dof._base.errors import DriveError
-from p3dof.design.drives.motor import Motor, above_zero, share, text
+from p3dof.design.drives.motor import Motor, above_zero, set_worth, share, text
 
 STEEL, YOUNG = 7850.0, 2.1e11  # density [kg/m³] and Young's modulus [N/m²] of a steel screw
 
@@ -92,6 +92,8 @@ class Screw:
         `LEAD_GRADES`, such as ``"T7"``.
     name : str
         What tables call it.
+    cost, mass : float, optional
+        As of a `Motor`.
 
     Raises
     ------
@@ -116,6 +118,8 @@ class Screw:
     preload: float | str | None = None
     static_safety: float | None = None
     lead_accuracy: float | str | None = None
+    cost: float | None = None
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -254,6 +258,8 @@ class Belt:
     max_tension: float = math.inf  # permissible tension of a span, pretension and force together [N]
     static_safety: float | None = None
     """How often the largest force goes into `max_force` at least: 1 of a belt without it."""
+    cost: float | None = None  # as of a `Motor`
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -314,6 +320,8 @@ class Gear:
     """What its input may turn [rad/s] and its output may bear [N m]; infinite if nothing is known."""
     max_torque: float = math.inf
     name: str = "no gear"  # what tables call it
+    cost: float | None = None  # as of a `Motor`
+    mass: float | None = None
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -328,6 +336,7 @@ class Gear:
 
 def _set_efficiencies(part: Screw | Belt | Gear, where: str) -> None:
     """Check the efficiencies of a part, and work out what it gives back where nobody says."""
+    set_worth(part, where)
     forward = share(f"{where}: efficiency", part.efficiency)
     if part.efficiency_back is None:
         back = max(0.0, 2 - 1 / forward)

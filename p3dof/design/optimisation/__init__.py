@@ -14,20 +14,24 @@ from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
 from p3dof.design.optimisation.feasibility import Conflict
 from p3dof.design.optimisation.measures import MEASURES
-from p3dof.design.optimisation.optimum import Check, Optimum
+from p3dof.design.optimisation.optimum import Check, Combination, Optimum
 from p3dof.design.optimisation.pareto import Front, front_tables, optimum_tables
 from p3dof.design.optimisation.population import Box, FunctionMeasure, Measure, Pieces
 from p3dof.design.optimisation.problem import DesignProblem, ProblemSweep, read_problem
 from p3dof.design.optimisation.robust import Robust
 from p3dof.design.optimisation.statement import Statement
+from p3dof.design.optimisation.task_measures import Discrete, Duty
 
 __all__ = [
     "MEASURES",
     "Box",
     "Check",
+    "Combination",
     "Conflict",
     "Constraint",
     "DesignProblem",
+    "Discrete",
+    "Duty",
     "Evaluated",
     "Front",
     "FunctionMeasure",

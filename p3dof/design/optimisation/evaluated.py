@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import InputError, MissingExtraError, P3dofError
+from p3dof._base.quantities import LENGTH, Quantity
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
 from p3dof.analysis.designs.results import DesignStatus
+from p3dof.design.drives import Catalogue
 from p3dof.design.optimisation.constraints import Constraint, amount
 from p3dof.design.optimisation.population import Measure
+from p3dof.design.optimisation.task_measures import LEAD, PARTS, Discrete, chosen_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,21 +32,18 @@ class Variables:
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Variables:
         """Return what a mapping from names to pairs of bounds means."""
-        if not isinstance(given, Mapping) or not given:
-            raise InputError(
-                f"variables: expected bounds by name, such as {{'R': (0.2, 0.3)}}, got {shown(given)}"
-            )
+        require_variables(given)
         names: dict[str, str] = {}
         bounds = []
         for label, pair in given.items():
-            name = full_name(label)
+            name = LEAD if label == "lead" else full_name(label)
             if name.startswith("limits."):
                 raise InputError(f"variables: {label}: limits are no part of a design to be optimised")
             if name in names.values():
                 raise InputError(f"variables: {label} is there twice")
             names[str(label)] = name
             bounds.append(_bounds(label, name, pair))
-        low, high = np.array(bounds).T
+        low, high = np.array(bounds).reshape(-1, 2).T
         return cls(tuple(names.values()), tuple(names), low, high)
 
     def __len__(self) -> int:
@@ -52,7 +52,7 @@ class Variables:
     @property
     def units(self) -> tuple[str, ...]:
         """SI unit of each."""
-        return tuple(QUANTITIES[name].unit for name in self.names)
+        return tuple(_quantity(name).unit for name in self.names)
 
     @property
     def span(self) -> FloatArray:
@@ -74,10 +74,42 @@ class Variables:
         return np.atleast_2d(array)
 
 
+def require_variables(given: Any) -> None:
+    """Raise unless there are variables by name."""
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(
+            f"variables: expected bounds by name, such as {{'R': (0.2, 0.3)}}, got {shown(given)}"
+        )
+
+
+def _quantity(name: str) -> Quantity:
+    return LENGTH if name == LEAD else QUANTITIES[name]
+
+
+def discrete_of(given: Mapping[str, Any], drives: Catalogue | None) -> tuple[Discrete, ...]:
+    """Return the variables that are one of some values."""
+    require_variables(given)
+    found = []
+    for label, value in given.items():
+        if label in PARTS:
+            found.append(chosen_parts(label, value, drives))
+        elif isinstance(value, Mapping):
+            if set(value) != {"one_of"} or not isinstance(value["one_of"], Sequence) or not value["one_of"]:
+                raise InputError(
+                    f"variables.{label}: expected bounds or {{'one_of': [...]}}, got {shown(value)}"
+                )
+            name = LEAD if label == "lead" else full_name(label)
+            rows = [quantity_in_si(name, one, f"variables.{label}") for one in value["one_of"]]
+            if len(set(rows)) < len(rows):
+                raise InputError(f"variables.{label}: a value is there twice")
+            found.append(Discrete(label, name, tuple(rows)))
+    return tuple(found)
+
+
 def quantity_in_si(name: str, value: Any, where: str) -> float:
     """Return a number of a column in SI units, from a number or a text with a unit."""
     try:
-        found = QUANTITIES[name].read(value, where)
+        found = _quantity(name).read(value, where)
     except P3dofError as error:
         raise InputError(str(error)) from error
     return float(frozen_array(where, found, ()))

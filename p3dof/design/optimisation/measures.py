@@ -42,7 +42,9 @@ from p3dof.design.optimisation.population import (
     Pieces,
     Population,
     Setting,
+    worst_of,
 )
+from p3dof.design.optimisation.task_measures import OF_TASKS, duties_of
 from p3dof.design.tasks.fastest import fastest_law
 from p3dof.design.tasks.limits import AxisLimits, Demand
 from p3dof.loops import ClosedLoopModel
@@ -63,14 +65,23 @@ class OfFigure(OfDesigns):
 
     def values(self, population: Population) -> FloatArray:
         """Return it of designs, (D,)."""
-        found = self._together(getattr(population.forces, self.figure))
-        return np.asarray(found.max(axis=1) if self.better == "small" else found.min(axis=1))
+        return worst_of(self.each(population), self.better)
+
+    def each(self, population: Population) -> FloatArray:
+        """Return its pieces, (D, P)."""
+        return self._together(getattr(population.forces, self.figure))
 
     def pieces(self, population: Population) -> Pieces:
         """Return its pieces and their gradients."""
         slopes = population.slopes
-        moved = [self._together(slopes.gradients[name][self.figure]) for name in population.setting.names]
-        return Pieces(self._together(getattr(slopes, self.figure)), np.stack(moved, axis=-1))
+        found = self._together(getattr(slopes, self.figure))
+        by = {
+            name: self._together(slopes.gradients[name][self.figure])
+            for name in population.columns
+            if name in population.setting.of_machine
+        }
+        moved = [by.get(name, np.zeros_like(found)) for name in population.setting.names]
+        return Pieces(found, np.stack(moved, axis=-1))
 
     def _together(self, values: FloatArray) -> FloatArray:
         columns = values.reshape(len(values), -1)
@@ -194,30 +205,46 @@ def power_rates(population: Population) -> FloatArray:
 
 
 OF_MOTION = (
-    PeakForce("peak_force", "N", "small", "largest magnitude of an actuator's force over the motion"),
-    OfFigure("rms_force", "N", "small", "largest root mean square of an actuator's force", "rms_force"),
+    PeakForce(
+        "peak_force", "N", "small", "largest magnitude of an actuator's force over the motion", over="worst"
+    ),
+    OfFigure(
+        "rms_force", "N", "small", "largest root mean square of an actuator's force", "rms_force", over="rms"
+    ),
     PeakPower(
         "peak_power",
         "W",
         "small",
         "largest power that one actuator gives over the motion",
         figures=("power",),
+        over="worst",
     ),
-    RmsPower("rms_power", "W", "small", "root mean square over time of the sum of |power| of the actuators"),
+    RmsPower(
+        "rms_power",
+        "W",
+        "small",
+        "root mean square over time of the sum of |power| of the actuators",
+        over="rms",
+    ),
     OfFigure(
         *("energy", "J", "small", "work that the actuators give over the motion", "positive_work", True),
         figures=("power",),
+        over="sum",
     ),
     OfFigure(
         *("peak_speed", "m/s", "small", "largest speed of a slider over the motion", "peak_speed"),
         figures=("sliders",),
+        over="worst",
     ),
     OfFigure(
         *("motion_singularity", "rad", "large", "least angle from det J = 0 over the motion", "actuation"),
         figures=("singularity",),
+        over="worst",
     ),
     *(
-        LeftToLimits(name, unit, "large", f"margin of {limit} over the motion", figures=("sliders",))
+        LeftToLimits(
+            name, unit, "large", f"margin of {limit} over the motion", figures=("sliders",), over="worst"
+        )
         for name, unit, limit in (
             ("stroke_margin", "m", "the sliders' travel"),
             ("speed_margin", "m/s", "the sliders' speed"),
@@ -240,10 +267,15 @@ class FastestTime(OfDesigns):
     """Least time for the path of the motion within force and speed of the machine's limits, rest to rest.
 
     The law along the path is that of `p3dof.design.tasks.fastest`; gradients are central differences, the
-    only ones here that are not exact. One design takes some tenths of a second.
+    only ones here that are not exact. One design takes some tenths of a second, over a task a second or two.
     """
 
     slow: bool = True
+    rough: bool = True
+
+    def of_task(self, population: Population, index: int, duty: int) -> dict[str, float]:
+        """Return it of one design over a task, along the task's own path."""
+        return {"": duties_of(population, self.name).fastest(population, index, duty)}
 
     def values(self, population: Population) -> FloatArray:
         """Return it of designs, (D,)."""
@@ -271,6 +303,7 @@ class FastestTime(OfDesigns):
 FASTEST = FastestTime(
     *("fastest_time", "s", "small"),
     "least time for the path of the motion within the machine's force and speed, from rest to rest",
+    over="task",
 )
 
 
@@ -610,8 +643,11 @@ OF_RODS = (
     RodLoad(
         *("rod_buckling_share", "", "small"),
         "largest compression of a leg or rod over the motion, by Euler's load",
+        over="worst",
     ),
-    RodLoad("rod_stress", "Pa", "small", "largest axial stress of a leg or rod over the motion"),
+    RodLoad(
+        "rod_stress", "Pa", "small", "largest axial stress of a leg or rod over the motion", over="worst"
+    ),
 )
 """Measures of legs and rods."""
 
@@ -734,7 +770,7 @@ OF_SOLIDS = (
 )
 """Measures of the machine as it stands."""
 
-_ALL: tuple[Any, ...] = (*OF_MOTION, FASTEST, *OF_POSES, *OF_SOLIDS, *OF_RODS, *OF_SWEEP)
+_ALL: tuple[Any, ...] = (*OF_MOTION, FASTEST, *OF_POSES, *OF_SOLIDS, *OF_RODS, *OF_SWEEP, *OF_TASKS)
 
 MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ALL}
 """What designs can be optimised for, and bounded in, by name."""

@@ -15,7 +15,7 @@ from p3dof.design.optimisation.constraints import amount
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
 from p3dof.design.optimisation.measures import loop_of
-from p3dof.design.optimisation.population import Population
+from p3dof.design.optimisation.population import Population, Setting
 from p3dof.design.optimisation.statement import Statement
 from p3dof.machine.motion.states import states_over
 from p3dof.machine.parameters import Parameters, write_parameters
@@ -53,15 +53,25 @@ def checked(problem: Statement, design: FloatArray) -> Check:
 
 def forces_of(problem: Statement, design: FloatArray) -> FloatArray:
     """Return the forces by the reduced formulas that optimisers use, (N, 3) [N]."""
-    population = Population(problem.setting, np.atleast_2d(design))
-    return np.stack([np.ravel(force) for force in population.sampled.found.forces], axis=1)
+    whole = Population(problem.setting, np.atleast_2d(design))
+    return np.concatenate(
+        [
+            np.stack([np.ravel(force) for force in part.sampled.found.forces], axis=1)
+            for part in whole.cases or (whole,)
+        ]
+    )
 
 
 def pinocchio_forces(problem: Statement, design: FloatArray) -> FloatArray:
     """Return the forces by Pinocchio with its closed loops, (N, 3) [N]."""
-    machine, setting = problem.machine(design), problem.setting
+    settings = [case.setting for case in problem.setting.cases] or [problem.setting]
+    return np.concatenate([_pinocchio_forces(setting, np.atleast_2d(design)) for setting in settings])
+
+
+def _pinocchio_forces(setting: Setting, design: FloatArray) -> FloatArray:
+    machine = setting.designs(design)[0]
     states = states_over(setting.motion, setting.wrench)
-    moved = setting.columns(np.atleast_2d(design))
+    moved = setting.columns(design)
     offset = np.array([moved[name][0] if name in moved else 0.0 for name in OFFSETS])
     states = states._replace(pose=states.pose + offset)
     return np.asarray(PinocchioMethod(machine, loop_of(machine)).solve(states).forces)
@@ -70,6 +80,16 @@ def pinocchio_forces(problem: Statement, design: FloatArray) -> FloatArray:
 _BINDING = 1e-4  # margin below which a constraint is called binding, as a share of its bound
 
 _MISSED = 1e-3  # violation on finer grids that is told
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What came of one combination of the values of discrete variables."""
+
+    values: tuple[str, ...]  # in words
+    value: float  # the best of the objective; NaN where it was not looked for, or no design keeps all
+    pruned: bool  # whether it was left out, as a bound tells that it cannot be the best
+    reason: str  # why it is not the best; empty of the best one
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,6 +110,8 @@ class Optimum:
         What the local optimiser came to from every start.
     evaluations : int
         How many designs were evaluated, with gradients where there are.
+    combinations : tuple of Combination
+        What came of each combination of discrete variables; none without any.
     """
 
     problem: Statement
@@ -98,6 +120,7 @@ class Optimum:
     seed: int
     attempts: tuple[Local, ...]
     evaluations: int
+    combinations: tuple[Combination, ...] = ()
 
     def __repr__(self) -> str:
         measure = self.problem.objectives[0]
@@ -105,7 +128,8 @@ class Optimum:
 
     def _variables(self) -> str:
         pairs = zip(self.problem.variables.labels, self.design, strict=True)
-        return ", ".join(f"{label} {value:.6g}" for label, value in pairs)
+        chosen = [f"{label} {value}" for label, value in self.problem.choice.items()]
+        return ", ".join([*chosen, *(f"{label} {value:.6g}" for label, value in pairs)])
 
     @cached_property
     def found(self) -> Evaluated:

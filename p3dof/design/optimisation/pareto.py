@@ -317,6 +317,7 @@ def _changes(optimum: Optimum) -> Table:
     for index, measure in enumerate(optimum.problem.objectives):
         name = f"{measure.name} [{measure.unit}]" if measure.unit else measure.name
         rows.append(_row(name, optimum.start.objectives[0, index], optimum.found.objectives[0, index]))
+    rows = [*((label, NONE, value, NONE) for label, value in optimum.problem.choice.items()), *rows]
     title = f"Optimum of {optimum.problem.objectives[0].name}"
     return Table(title, ("", "start", "optimum", "change"), tuple(rows))
 
@@ -334,6 +335,11 @@ def _limits(optimum: Optimum) -> Table:
         rows.append((told, *(_plain(round(margin, 12) + 0.0) for margin in margins), binding))
     bounds = ", ".join(name for name in optimum.binding if name.endswith(" bound"))
     note = f"Besides: {bounds}." if bounds else ""
+    if optimum.combinations:
+        pruned = sum(one.pruned for one in optimum.combinations)
+        note = (
+            f"{note} {len(optimum.combinations)} combinations, {pruned} of them left out by bounds.".strip()
+        )
     return Table("Margins", ("constraint", "start", "optimum", ""), tuple(rows), note)
 
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, shown
 from p3dof._base.errors import InputError
@@ -99,6 +100,17 @@ class Box(Readable):
         return Box(self.y, self.theta, (grid[0], grid[1]))
 
 
+DRIVE = "drive."  # what the names of variables of drives begin with: no columns of designs
+
+
+class LoadCase(NamedTuple):
+    """A part of a task over which what the platform carries and bears stays."""
+
+    setting: Setting  # its motion, its load and its payload; all else as of the problem
+    duty: int  # which of the tasks
+    duration: float  # [s]
+
+
 STEP = 1e-60  # of complex steps; nothing is subtracted, so that it may be so small
 
 
@@ -119,12 +131,18 @@ class Setting:
     level: str | None = None  # what to run on
     threads: int | None = None  # how many threads
     surroundings: Surroundings | None = None  # what parts must keep away from, for measures of space
+    duties: Any = None  # tasks and drives, where there are any: `Duties` of `task_measures`
     samples: Samples = field(init=False)
 
     def __post_init__(self) -> None:
         load = None if self.wrench is None else Load(self.wrench, self.motion.start).over(self.motion.time)
         object.__setattr__(self, "wrench", load)
         object.__setattr__(self, "samples", samples_of(self.motion, load))
+
+    @cached_property
+    def cases(self) -> tuple[LoadCase, ...]:
+        """Parts of the tasks, where these are what all designs do."""
+        return () if self.duties is None else tuple(self.duties.cases(self))
 
     @cached_property
     def forces(self) -> DesignEvaluation:
@@ -137,17 +155,32 @@ class Setting:
     def slopes(self) -> DesignEvaluation:
         """The same with derivatives by all variables."""
         return DesignEvaluation(
-            self.motion, self.wrench, self.figures, self.names, level=self.level, threads=self.threads
+            self.motion, self.wrench, self.figures, self.of_machine, level=self.level, threads=self.threads
         )
 
+    @cached_property
+    def of_machine(self) -> tuple[str, ...]:
+        """Names of the variables that are columns of designs: all but those of drives."""
+        return tuple(name for name in self.names if not name.startswith(DRIVE))
+
     def columns(self, values: FloatArray) -> dict[str, FloatArray]:
-        """Return the columns of designs from rows of variables, (D,) each."""
-        found = {name: np.full(len(values), value) for name, value in self.fixed.items()}
-        return found | {name: np.ascontiguousarray(values[:, i]) for i, name in enumerate(self.names)}
+        """Return the columns of designs from rows of variables, (D,) each; at least one."""
+        found: dict[str, FloatArray] = {}
+        for name, value in self.fixed.items():
+            found[name] = np.full(len(values), value)
+        found |= {
+            name: np.ascontiguousarray(values[:, i])
+            for i, name in enumerate(self.names)
+            if name in self.of_machine
+        }
+        return found or {LENGTHS[0]: np.full(len(values), self.machine.geometry.r)}
 
     def designs(self, values: FloatArray) -> Designs:
         """Return designs from rows of variables, (D, n)."""
         return Designs(self.columns(values), self.machine, self.bodies)
+
+
+_NONE = np.zeros((1, 1))  # how results change with what is no column
 
 
 class Numbers:
@@ -246,15 +279,29 @@ class Population:
         """Lengths and sizes."""
         return Numbers(self.setting, self.columns)
 
+    @cached_property
+    def cases(self) -> tuple[Population, ...]:
+        """The same designs over each part of the tasks."""
+        return tuple(Population(case.setting, self.values) for case in self.setting.cases)
+
+    @cached_property
+    def status(self) -> NDArray[np.uint8]:
+        """Which designs make the motion, or all tasks, and why not (D,): `DesignStatus`."""
+        if not self.cases:
+            return np.asarray(self.forces.status)
+        return np.asarray(np.max([part.forces.status for part in self.cases], axis=0))
+
     def stepped(self, name: str) -> Numbers:
         """Return lengths and sizes with a complex step of one variable."""
+        if name not in self.columns:
+            return self.numbers
         moved = self.columns[name] + 1j * STEP
         return Numbers(self.setting, {**self.columns, name: moved})
 
     @cached_property
     def feasible(self) -> Any:
         """Which designs make the motion (D,)."""
-        return self.forces.feasible
+        return self.status == 0
 
     @cached_property
     def sampled(self) -> Sampled:
@@ -268,6 +315,8 @@ class Population:
 
     def rates(self, name: str) -> Outputs:
         """Return how forces, slider positions and speeds change with one variable (D, N)."""
+        if name not in self.columns:
+            return Outputs((_NONE,) * 3, (_NONE,) * 3, (_NONE,) * 3, _NONE)
         if name not in self._rates:
             setting = self.setting
             folding = folding_of(tuple(self.columns), setting.machine, setting.bodies)
@@ -284,6 +333,10 @@ class Population:
 
 Better: TypeAlias = Literal["small", "large"]
 """Whether small or large numbers of a measure are good; its worst piece is the other end."""
+
+
+Over: TypeAlias = Literal["", "worst", "rms", "sum", "task"]
+"""How a measure of a task follows from its parts, or as a whole (``"task"``); empty if not of tasks."""
 
 
 class Pieces:
@@ -338,6 +391,7 @@ class OfDesigns:
     better: Better
     about: str  # what it is, in a line
     figures: tuple[FigureGroup, ...] = field(default=(), kw_only=True)
+    over: Over = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -409,7 +463,7 @@ class FunctionMeasure(Readable):
 
     def pieces(self, population: Population) -> Pieces:
         """Return its pieces and their gradients."""
-        names = population.setting.names
+        names = population.setting.of_machine
         values, gradients = self.function(population.designs, names)
         if gradients is None:
             raise InputError(f"{self.name}: expected derivatives by {', '.join(names)}, got None")
@@ -417,7 +471,9 @@ class FunctionMeasure(Readable):
         expected = (*values.shape, len(names))
         found = np.asarray(gradients, dtype=np.float64)
         self._require(found.size == np.prod(expected), found.shape)
-        return Pieces(values, found.reshape(expected))
+        whole = np.zeros((*values.shape, len(population.setting.names)))
+        whole[..., [population.setting.names.index(name) for name in names]] = found.reshape(expected)
+        return Pieces(values, whole)
 
     def _require(self, fits: bool, shape: tuple[int, ...]) -> None:
         if not fits:

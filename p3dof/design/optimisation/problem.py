@@ -28,7 +28,7 @@ Such as this one::
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -40,11 +40,22 @@ from numpy.typing import NDArray
 from p3dof._base.blocks import Block, ParetoArchive, Reduction, Samples, Sweep, Uniform, sweep
 from p3dof._base.blocks.sampling import Method
 from p3dof._base.checks import Progress, shown
-from p3dof._base.errors import InputError, P3dofError
+from p3dof._base.errors import InputError, P3dofError, TaskError
 from p3dof._base.files import called, parse_yaml, read_text
-from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS
-from p3dof.analysis.designs.files import listed, machine_of, mapping, motion_of, named, number_of, wrench_of
+from p3dof._base.quantities import ANGLE, LENGTH, PRESSURE, STIFFNESS, TIME
+from p3dof.analysis.designs.files import (
+    listed,
+    machine_of,
+    mapping,
+    motion_of,
+    named,
+    number_of,
+    read_beside,
+    wrench_of,
+)
+from p3dof.design.bearings import read_bearings
 from p3dof.design.clearance import Surroundings, read_surroundings
+from p3dof.design.drives import read_catalogue
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
 from p3dof.design.optimisation.evolution import GENERATIONS, Journal
 from p3dof.design.optimisation.minimising import (
@@ -55,12 +66,15 @@ from p3dof.design.optimisation.minimising import (
     by_evolution,
     require_effort,
 )
+from p3dof.design.optimisation.mixed import by_combinations
 from p3dof.design.optimisation.optimum import Optimum
 from p3dof.design.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
 from p3dof.design.optimisation.pareto import POINTS, POPULATION, Front, FrontMethod, front_of, require_front
 from p3dof.design.optimisation.population import GRID, Box, Measure
 from p3dof.design.optimisation.robust import Robust
 from p3dof.design.optimisation.statement import DRIVE_STIFFNESS, SAMPLES, STEEL_MODULUS, Statement
+from p3dof.design.optimisation.task_measures import Duty
+from p3dof.design.tasks import read_task
 
 
 class ProblemSweep:
@@ -136,7 +150,7 @@ class DesignProblem(Statement):
     variables : mapping of str to pair
         Lower and upper bound of each column of designs that may change (see `Designs`): lengths, sizes of
         solids, masses, the place of the motion (``offset.y`` and so on). Numbers in SI units, or texts with
-        units such as ``"80 mm"``.
+        units such as ``"80 mm"``. ``{"one_of": [...]}`` instead of bounds for one of some values.
     motion : Motion, optional
         What every design does; the paper's with 201 samples by default.
     objectives : str, Measure, or sequence of these
@@ -165,6 +179,16 @@ class DesignProblem(Statement):
         Payload and obstacles, for ``motion_clearance``, ``height`` and ``room``.
     level, threads
         What to run on, as of `MachineKernels`.
+    tasks : Task, Duty, or sequence of these
+        What every design does instead of a motion, with dwells and payloads.
+    together : {"worst", "mean"}
+        How several tasks count in objectives: the worst, or the mean by the weights of each `Duty`.
+        Constraints hold in every task.
+    drives : Catalogue or Drive, optional
+        What the variables ``motor``, ``screw`` (or belt) and ``gear`` choose from, by ``"all"`` or a list of
+        names; all axes have the same. The variable ``lead`` changes the lead of the screw.
+    bearings : Bearings, optional
+        For the measure ``life``.
 
     Raises
     ------
@@ -227,6 +251,10 @@ class DesignProblem(Statement):
         require_effort(method, starts, generations, seed)
         effort = {"method": method, "starts": starts, "generations": generations, "seed": int(seed)}
         with Journal(store, {"what": "minimise", "problem": asked.settings(), **effort}, resume) as journal:
+            if asked.discrete:
+                if method != "slsqp":
+                    raise InputError("method: expected 'slsqp' for a problem with discrete variables")
+                return by_combinations(asked, starts, seed, journal, progress)
             if method == "evolution":
                 return by_evolution(asked, seed, generations, polish, journal, progress)
             return by_descents(asked, starts, seed, journal, progress)
@@ -280,6 +308,7 @@ class DesignProblem(Statement):
         """
         asked = self if objectives is None else self.asking(tuple(objectives))
         effort = {"method": method, "points": points, "population": population, "generations": generations}
+        _require_continuous(asked)
         require_front(asked, method, points, population, generations, seed)
         about = {"what": "pareto", "problem": asked.settings(), **effort}
         with Journal(store, {**about, "polish": bool(polish), "seed": int(seed)}, resume) as journal:
@@ -327,14 +356,25 @@ class DesignProblem(Statement):
         InputError, SweepError, FileError
             As of `p3dof.sweep`.
         """
+        _require_continuous(self)
         problem = ProblemSweep(self, count, sampling)
         options["reductions"] = problem.reductions if reductions is None else tuple(reductions)
         return sweep(problem, store, client=client, seed=seed, resume=resume, progress=progress, **options)
 
 
+def _require_continuous(problem: Statement) -> None:
+    if problem.discrete:
+        label = problem.discrete[0].label
+        raise InputError(f"variables: {label} is discrete, which only minimise takes")
+
+
 FIELDS = (
     "machine",
     "motion",
+    "tasks",
+    "together",
+    "drives",
+    "bearings",
     "bodies",
     "wrench",
     "variables",
@@ -390,7 +430,9 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
         name,
         lambda: DesignProblem(
             variables,
-            motion_of(data.get("motion", {"paper": SAMPLES}), folder, f"{name}: motion"),
+            None
+            if "motion" not in data and "tasks" in data
+            else motion_of(data.get("motion", {"paper": SAMPLES}), folder, f"{name}: motion"),
             [_as_built(item, robust) for item in listed(objectives, f"{name}: objectives")],
             _of_built(_constraints(data.get("constraints"), f"{name}: constraints"), robust),
             box=_box(data["box"], f"{name}: box") if data.get("box") is not None else None,
@@ -403,6 +445,10 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
                 data.get("drive_stiffness", DRIVE_STIFFNESS), STIFFNESS, f"{name}: drive_stiffness"
             ),
             surroundings=_surroundings(data.get("surroundings"), folder, f"{name}: surroundings"),
+            tasks=_tasks(data.get("tasks"), folder, f"{name}: tasks"),
+            together=data.get("together", "worst"),
+            drives=_beside(read_catalogue, data.get("drives"), folder, f"{name}: drives"),
+            bearings=_beside(read_bearings, data.get("bearings"), folder, f"{name}: bearings"),
         ),
     )
     used = {measure.name for measure in (*made.objectives, *(item.measure for item in made.constraints))}
@@ -410,6 +456,40 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
         if measure.name not in used:
             raise InputError(f"{name}: robust.measures: {plain} is no objective, and has no bound")
     return made
+
+
+def _beside(read: Callable[[Path], Any], value: Any, folder: Path, where: str) -> Any:
+    """Return what a file beside this one holds, if one is named."""
+    if value is not None and not isinstance(value, str):
+        raise InputError(f"{where}: expected the name of a file, got {shown(value)}")
+    return None if value is None else read_beside(read, folder, value, where)
+
+
+def _tasks(value: Any, folder: Path, where: str) -> tuple[Duty, ...]:
+    """Return tasks of files, each its name or `file` with how it is done."""
+    if value is None:
+        return ()
+    found = []
+    for k, item in enumerate(listed([value] if isinstance(value, str) else value, where)):
+        place = f"{where}[{k}]"
+        fields = dict(
+            mapping(
+                {"file": item} if isinstance(item, str) else item,
+                place,
+                ("file", "duration", "rest", "weight", "samples"),
+            )
+        )
+        task = _beside(read_task, fields.pop("file", None), folder, f"{place}.file")
+        if task is None:
+            raise InputError(f"{place}: the field 'file' is missing")
+        for key in ("duration", "rest"):
+            if key in fields:
+                fields[key] = number_of(fields[key], TIME, f"{place}.{key}")
+        try:
+            found.append(named(place, partial(Duty, task, **fields)))
+        except TaskError as error:
+            raise TaskError(f"{place}: {error}") from error
+    return tuple(found)
 
 
 def _robust(value: Any, where: str) -> dict[str, Robust]:

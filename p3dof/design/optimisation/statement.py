@@ -18,11 +18,14 @@ from p3dof._base.checks import FloatArray, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.analysis.designs.columns import DENSITY, KINDS, SIZES, BodiesOfDesigns, full_name, numbers_of
+from p3dof.analysis.designs.results import DesignStatus
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
+from p3dof.design.bearings import Bearings
 from p3dof.design.clearance import Surroundings
+from p3dof.design.drives import Catalogue, Drive
 from p3dof.design.optimisation.constraints import Constraint, constraints_of
-from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, quantity_in_si
+from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, discrete_of, quantity_in_si
 from p3dof.design.optimisation.measures import measure_of
 from p3dof.design.optimisation.population import (
     Box,
@@ -33,6 +36,18 @@ from p3dof.design.optimisation.population import (
     worst_gradient,
 )
 from p3dof.design.optimisation.robust import Robust
+from p3dof.design.optimisation.task_measures import (
+    LEAD,
+    PARTS,
+    Discrete,
+    Duties,
+    Duty,
+    OverTasks,
+    Together,
+    require_together,
+    with_lead,
+)
+from p3dof.design.tasks import Task
 from p3dof.machine.motion import Motion, paper_motion
 from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
 
@@ -55,7 +70,9 @@ def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
         "modulus": setting.modulus,
         "drive_stiffness": setting.drive_stiffness,
         "level": setting.level,
-    } | ({} if setting.surroundings is None else {"surroundings": asdict(setting.surroundings)})
+        **({} if setting.surroundings is None else {"surroundings": asdict(setting.surroundings)}),
+        **({} if setting.duties is None else {"duties": setting.duties.settings()}),
+    }
 
 
 def _measure(measure: Measure) -> dict[str, Any]:
@@ -68,6 +85,8 @@ def _measure(measure: Measure) -> dict[str, Any]:
     if isinstance(measure, FunctionMeasure):
         function = measure.function
         found["function"] = getattr(function, "__qualname__", type(function).__qualname__)
+    if isinstance(measure, OverTasks):
+        return {**_measure(measure.measure), "mean": measure.mean}
     if isinstance(measure, Robust):
         found |= {
             "sigma": dict(measure.sigma),
@@ -112,26 +131,51 @@ class Statement:
         surroundings: Surroundings | None = None,
         level: str | None = None,
         threads: int | None = None,
+        tasks: Task | Duty | Sequence[Task | Duty] = (),
+        together: Together = "worst",
+        drives: Catalogue | Drive | None = None,
+        bearings: Bearings | None = None,
     ) -> None:
         if not isinstance(surroundings, Surroundings | None):
             raise InputError(f"surroundings: expected Surroundings, got {shown(surroundings)}")
         if box is not None and not isinstance(box, Box):
             raise InputError(f"box: expected a Box, got {shown(box)}")
-        self.variables = Variables.of(variables)
+        catalogue = (
+            Catalogue([drives.motor], [drives.transmission], [drives.gear])
+            if isinstance(drives, Drive)
+            else drives
+        )
+        if catalogue is not None and not isinstance(catalogue, Catalogue):
+            raise InputError(f"drives: expected a Catalogue or a Drive, got {shown(drives)}")
+        self.discrete = discrete_of(variables, catalogue)
+        taken = [item.label for item in self.discrete]
+        rest = {name: bounds for name, bounds in variables.items() if name not in taken}
+        self.variables = Variables.of(rest) if rest else Variables((), (), np.zeros(0), np.zeros(0))
+        self.chosen: tuple[int, ...] | None = None if self.discrete else ()
+        self.together = require_together(together)
+        work = _duties(tasks, self.together, catalogue, bearings, self.discrete)
+        if work is not None and (motion is not None or wrench is not None):
+            raise InputError("tasks: expected no motion and no wrench beside them: the tasks have their own")
         given = (objectives,) if isinstance(objectives, str | Measure) else tuple(objectives)
         if not given:
             raise InputError("objectives: expected one measure or more, got none")
-        self.objectives = tuple(measure_of(item, "objectives") for item in given)
+        self.objectives = tuple(self._over(measure_of(item, "objectives"), work) for item in given)
         _require_once([measure.name for measure in self.objectives], "objectives")
-        self.constraints = constraints_of(constraints)
+        self.constraints = tuple(
+            replace(item, measure=self._over(item.measure, work, worst=True))
+            for item in constraints_of(constraints)
+        )
         needs = (*self.objectives, *(item.measure for item in self.constraints))
         self.setting = Setting(
             machine=PAPER if machine is None else machine,
             bodies=bodies,
             fixed=_fixed(fixed or {}, self.variables),
             names=self.variables.names,
-            motion=paper_motion(SAMPLES) if motion is None else motion,
+            motion=(paper_motion(SAMPLES) if work is None else work.tasks[0].plan.motion)
+            if motion is None
+            else motion,
             wrench=wrench,
+            duties=work,
             box=box,
             modulus=positive("modulus", modulus, InputError),
             drive_stiffness=positive("drive_stiffness", drive_stiffness, InputError),
@@ -148,10 +192,72 @@ class Statement:
 
     def _try_once(self) -> None:
         """Raise now what measures would raise later."""
+        if self.chosen is None:
+            return self.choosing((0,) * len(self.discrete))._try_once()
+        for name in self.setting.fixed:
+            _require_not_carried(name, self.setting.duties)
+        for name in self.variables.names:
+            _require_not_carried(name, self.setting.duties)
         population = Population(self.setting, self.variables.values(np.full((1, len(self.variables)), 0.5)))
         population.designs  # noqa: B018 - names that do not fit each other
         for measure in (*self.objectives, *(item.measure for item in self.constraints)):
             measure.values(population)
+        return None
+
+    def _over(self, measure: Measure, work: Duties | None, worst: bool = False) -> Measure:
+        """Return a measure as one of all tasks, where it depends on what is done."""
+        inner = measure.measure if isinstance(measure, Robust) else measure
+        over = getattr(inner, "over", "")
+        if work is None or not over:
+            return measure
+        if inner is not measure:
+            raise InputError(f"robust: {inner.name}: measures of tasks are not taken of uncertain machines")
+        return OverTasks(measure, mean=self.together == "mean" and not worst)
+
+    def choosing(self, indices: Sequence[int]) -> Self:
+        """Return the problem with one value of each discrete variable.
+
+        Parameters
+        ----------
+        indices : sequence of int
+            Which value of each, in the order of the problem.
+
+        Raises
+        ------
+        InputError
+            If there are not so many values.
+        """
+        chosen = tuple(indices)
+        good = len(chosen) == len(self.discrete) and all(
+            0 <= k < len(item.values) for k, item in zip(chosen, self.discrete, strict=True)
+        )
+        if not good:
+            raise InputError(
+                f"choosing: expected an index for each of {len(self.discrete)} discrete variables"
+            )
+        new, fixed, work = copy(self), dict(self.setting.fixed), self.setting.duties
+        vars(new).pop("start", None)
+        parts, lead = {}, None
+        for k, item in zip(chosen, self.discrete, strict=True):
+            value = item.values[k]
+            if item.name in PARTS:
+                parts["transmission" if item.name == "screw" else item.name] = value
+            elif item.name == LEAD:
+                lead = value
+            else:
+                fixed[item.name] = value
+        if work is not None and work.drive is not None:
+            drive = replace(work.drive, name="", **parts)
+            work = replace(work, drive=drive if lead is None else with_lead(drive, lead))
+        new.chosen = chosen
+        new.setting = replace(self.setting, fixed=fixed, duties=work)
+        return new
+
+    @property
+    def choice(self) -> dict[str, str]:
+        """What was chosen of each discrete variable, in words."""
+        chosen = self.chosen or ()
+        return {item.label: item.told(k) for item, k in zip(self.discrete, chosen, strict=bool(chosen))}
 
     @cached_property
     def start(self) -> FloatArray:
@@ -165,6 +271,8 @@ class Statement:
                 found.append(float(getattr(Dimensions.scaled(machine.geometry), last)))
             elif group == "offset":
                 found.append(0.0)
+            elif name == LEAD:
+                found.append(float(getattr(self.setting.duties.drive.transmission, "lead", np.nan)))
             else:
                 found.append(_number_of(machine, name))
         return np.array(found)
@@ -182,6 +290,10 @@ class Statement:
         InputError
             If they have another shape.
         """
+        if self.chosen is None:
+            raise InputError(
+                "designs: the problem has discrete variables: say which values, by choosing(...)"
+            )
         rows = self.variables.rows(designs)
         parts = [self._part(rows[start : start + _CHUNK]) for start in range(0, len(rows), _CHUNK)]
         parts = parts or [self._part(rows)]
@@ -195,7 +307,7 @@ class Statement:
 
     def _part(self, rows: FloatArray) -> tuple[FloatArray, FloatArray, Any]:
         population = Population(self.setting, rows)
-        status = population.forces.status
+        status = population.status
         with np.errstate(all="ignore"):
             objectives = [measure.values(population) for measure in self.objectives]
             constraints = [item.measure.values(population) for item in self.constraints]
@@ -226,7 +338,8 @@ class Statement:
         row = self.variables.rows(design)[:1]
         population = Population(self.setting, row)
         if not population.feasible[0]:
-            raise InputError(f"design: it has no gradient: {population.forces.reason(0)}")
+            reason = DesignStatus(int(population.status[0])).in_words
+            raise InputError(f"design: it has no gradient: {reason}")
         measures = {measure.name: measure for measure in self.objectives}
         measures |= {item.measure.name: item.measure for item in self.constraints}
         return {
@@ -274,11 +387,18 @@ class Statement:
         if objectives is not None:
             given = (objectives,) if isinstance(objectives, str | Measure) else tuple(objectives)
             own = {measure.name: measure for measure in self.objectives}
+            work = self.setting.duties
             new.objectives = tuple(
-                own[item] if isinstance(item, str) and item in own else measure_of(item, "objectives")
+                own[item]
+                if isinstance(item, str) and item in own
+                else self._over(measure_of(item, "objectives"), work)
                 for item in given
             )
-        new.constraints = (*self.constraints, *constraints)
+        further = (
+            replace(item, measure=self._over(item.measure, self.setting.duties, worst=True))
+            for item in constraints
+        )
+        new.constraints = (*self.constraints, *further)
         needs = (*new.objectives, *(item.measure for item in new.constraints))
         figures = tuple(dict.fromkeys(group for measure in needs for group in measure.figures))
         new.setting = replace(self.setting, figures=figures)
@@ -299,14 +419,51 @@ class Statement:
             How many times.
         """
         new, setting = self.asking(), self.setting
+        box = None if setting.box is None else setting.box.finer(times)
+        if setting.duties is not None:
+            new.setting = replace(setting, duties=setting.duties.finer(times), box=box)
+            return new
         motion = setting.motion.resampled((len(setting.motion) - 1) * times + 1)
         load = setting.wrench
         if load is not None:
             columns = [np.interp(motion.time, setting.motion.time, column) for column in np.asarray(load).T]
             load = np.stack(columns, axis=1)
-        box = None if setting.box is None else setting.box.finer(times)
         new.setting = replace(setting, motion=motion, wrench=load, box=box)
         return new
+
+
+def _duties(
+    tasks: Any, together: Together, catalogue: Catalogue | None, bearings: Any, discrete: Sequence[Discrete]
+) -> Duties | None:
+    """Return what designs do, and with which drives to begin with; None without tasks."""
+    if not isinstance(tasks, Task | Duty | Sequence) or isinstance(tasks, str):
+        raise InputError(f"tasks: expected a Task, a Duty or a sequence of them, got {shown(tasks)}")
+    given = (tasks,) if isinstance(tasks, Task | Duty) else tuple(tasks)
+    if not given:
+        for name, value in (("drives", catalogue), ("bearings", bearings)):
+            if value is not None:
+                raise InputError(f"{name}: expected tasks beside them: tasks=...")
+        return None
+    if bearings is not None and not isinstance(bearings, Bearings):
+        raise InputError(f"bearings: expected Bearings, got {shown(bearings)}")
+    duties = tuple(item if isinstance(item, Duty) else Duty(item) for item in given)
+    if catalogue is None:
+        return Duties(duties, together, None, bearings)
+    names = [item.label for item in discrete]
+    for label, parts in zip(PARTS, (catalogue.motors, catalogue.transmissions, catalogue.gears), strict=True):
+        if len(parts) > 1 and label not in names:
+            raise InputError(
+                f"drives: there are {len(parts)} to choose from, and no variable {label!r}: "
+                f"variables={{{label!r}: 'all'}} tries all"
+            )
+    drive = Drive(catalogue.motors[0], catalogue.transmissions[0], catalogue.gears[0])
+    return Duties(duties, together, drive, bearings)
+
+
+def _require_not_carried(name: str, work: Duties | None) -> None:
+    carried = work is not None and any(p.payload is not None for d in work.tasks for p in d.plan.pieces)
+    if carried and name.startswith("payload."):
+        raise InputError(f"tasks: the platform carries what they say: {name} can be no column besides")
 
 
 def _fixed(given: Mapping[str, Any], variables: Variables) -> dict[str, float]:
