@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from p3dof._base.tracing import Symbol
-from p3dof._base.tracing.c import statements, text
+from p3dof._base.tracing.printing import statements, text
 from p3dof._base.tracing.tape import in_two
 from p3dof.closed_form.compiled.designs import NAMES as OF_DESIGNS
 from p3dof.closed_form.compiled.designs import design_kernel, tangent_kernels

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.c import statements, text
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of, statements, text
 from p3dof.closed_form.compiled.formulas import Kernel, kernel
 from p3dof.codegen.batch import work_of
 from p3dof.codegen.controller import origin_of

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from p3dof._base.errors import ParameterError
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.c import statements, text
+from p3dof._base.tracing.printing import statements, text
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Actuated
 from p3dof.closed_form.compiled.reduced.dynamics import FRICTION

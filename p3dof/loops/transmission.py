@@ -33,7 +33,7 @@ from p3dof._base.checks import FloatArray, Readable, as_floats, shown
 from p3dof._base.errors import AssemblyError, InputError, ModelError, P3dofError, SingularityError
 from p3dof._base.threads import OneThread, in_threads, shares, slices, thread_count
 from p3dof._base.tracing import Number, Tape
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import tangent
 from p3dof.loops.assembly import CONTRACTION
 from p3dof.loops.closed_tree import CLOSED

@@ -18,7 +18,7 @@ from p3dof._base.algebra import BLOCK
 from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.samples import raise_not_finite
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.kernels import loss_by_lengths
 from p3dof.closed_form.compiled.reduced import (

@@ -245,9 +245,7 @@ def test_tables_of_poses_have_sums_over_closures_of_the_tests_own() -> None:
     check_table(parts, wanted)
 
 
-@shows(
-    "p3dof.analysis.tolerances.results.PoseTolerance.errors", "p3dof.analysis.tolerances.tolerance._of_poses"
-)
+@shows("p3dof.analysis.tolerances.pose.PoseTolerance.errors", "p3dof.analysis.tolerances.tolerance._of_poses")
 def test_errors_of_machines_drawn_are_those_at_which_their_legs_close() -> None:
     pose = np.array([0.1, 0.0, -0.5])
     given = {"R": "0.5 mm", "L": "0.5 mm", "r": "0.2 mm", "encoder": "0.1 mm"}

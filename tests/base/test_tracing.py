@@ -12,8 +12,7 @@ from machines import SEEDS, random_friction, random_machine, random_states, virt
 
 import p3dof
 from p3dof._base.tracing import Symbol, Tape, derivatives, straight_line
-from p3dof._base.tracing.c import statements
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of, statements
 from p3dof._base.tracing.tape import in_pairs, in_two
 from p3dof.closed_form import kinematics
 from p3dof.runs.machine_plants import Equations

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import FUNCTIONS, Tape
 from p3dof._base.tracing.wasm import Traced, leb, module_of
 

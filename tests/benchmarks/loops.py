@@ -32,7 +32,7 @@ from rounds import Contender, Timing, calling, described, load_average, measure,
 import p3dof
 from p3dof import ClosedLoopModel
 from p3dof._base.errors import DynamicsError, P3dofError
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof.loops import CompiledLoop
 from p3dof.loops.compiled import build
 from p3dof.loops.compiled.function import pointers, sizes

@@ -5,7 +5,7 @@ formula becomes a list of scalar operations, each done once however often the fo
 constants are computed beforehand.
 """
 
-from p3dof._base.tracing.python import straight_line
+from p3dof._base.tracing.printing import straight_line
 from p3dof._base.tracing.tape import Number, Symbol, Tape, derivatives
 
 __all__ = ["Number", "Symbol", "Tape", "derivatives", "straight_line"]

@@ -28,7 +28,7 @@ from p3dof._base.errors import InputError
 from p3dof._base.samples import ACTUATION_TOLERANCE
 from p3dof._base.time_series.wrenches import WRENCH_ROWS, Load, WrenchOverTime
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import tangent
 from p3dof.analysis.designs.folding import Folded
 from p3dof.analysis.designs.results import DesignStatus

@@ -15,7 +15,7 @@ import numpy as np
 
 from p3dof._base.algebra import Scalar, add, matrix_sum, plus, times
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import tangent
 from p3dof.analysis.designs.columns import (
     ACTUATORS,

@@ -15,13 +15,16 @@ actuators need against these is found by Pinocchio's joint forces on closed loop
 in the other.
 """
 
-from p3dof.analysis.load_friction.contacts import HingeContact, LoadFriction, SlideContact, read_load_friction
-from p3dof.analysis.load_friction.fixed_point import (
+from p3dof.analysis.load_friction.contacts import (
     APPLIES,
+    HingeContact,
+    LoadFriction,
     LoadFrictionEffect,
+    SlideContact,
     additions_table,
     contacts_table,
     over_motion,
+    read_load_friction,
 )
 from p3dof.methods import CoulombLimits
 

@@ -17,7 +17,7 @@ from p3dof.analysis.tolerances.calibration import (
     plan_machine,
 )
 from p3dof.analysis.tolerances.draws import DrawnForces, DrawnPoses
-from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
+from p3dof.analysis.tolerances.pose import ForceTolerance, PoseTolerance
 from p3dof.analysis.tolerances.sensitivity import (
     LocalSensitivity,
     MatchedSamples,

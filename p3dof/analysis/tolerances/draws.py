@@ -31,8 +31,16 @@ from p3dof.analysis.designs.figures import blocks_of, sampled
 from p3dof.analysis.designs.folding import Folded, column_or_number, folding_of
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.analysis.tolerances.directions import columns_of_directions, designs_of
-from p3dof.analysis.tolerances.pose import NAMES, TWO_SIDED, ForceCase, first_order, pose_gradient, poses_of
-from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance
+from p3dof.analysis.tolerances.pose import (
+    NAMES,
+    TWO_SIDED,
+    ForceCase,
+    ForceTolerance,
+    PoseTolerance,
+    first_order,
+    pose_gradient,
+    poses_of,
+)
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
 from p3dof.machine.parameters import Geometry

@@ -40,8 +40,16 @@ from p3dof.analysis.tolerances.directions import (
     require_smaller,
 )
 from p3dof.analysis.tolerances.draws import Draws, Spread, drawn_forces, drawn_poses, first_order_pose
-from p3dof.analysis.tolerances.pose import ForceCase, checked_pose, first_order, require_possible, sigmas_of
-from p3dof.analysis.tolerances.results import ForceTolerance, PoseTolerance, ToleranceMethod
+from p3dof.analysis.tolerances.pose import (
+    ForceCase,
+    ForceTolerance,
+    PoseTolerance,
+    ToleranceMethod,
+    checked_pose,
+    first_order,
+    require_possible,
+    sigmas_of,
+)
 from p3dof.analysis.tolerances.sensitivity import LocalSensitivity, SobolIndices
 from p3dof.machine.motion import Motion
 from p3dof.machine.motion.core import require_motion

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import in_pairs
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.reduced import MOVING, SMALLER_ZEROS, Actuated, Model, Reduced, State

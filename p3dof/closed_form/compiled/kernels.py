@@ -19,7 +19,7 @@ from p3dof._base.errors import InputError
 from p3dof._base.threads import OneThread, in_threads, shares, slices, thread_count
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
-from p3dof._base.tracing.python import function_of, or_nan
+from p3dof._base.tracing.printing import function_of, or_nan
 from p3dof._native.sources import fingerprint, is_cut_off
 from p3dof.closed_form.compiled.evidence import NAMES as OF_EVIDENCE
 from p3dof.closed_form.compiled.evidence import evidence_kernel, numbers_of

@@ -14,7 +14,7 @@ import numpy as np
 from p3dof._base.algebra import Vector
 from p3dof._base.checks import FloatArray
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import in_pairs
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import (

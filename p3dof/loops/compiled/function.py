@@ -14,7 +14,7 @@ from p3dof._base.checks import LARGEST, FloatArray
 from p3dof._base.errors import ModelError
 from p3dof._base.threads import OneThread, in_threads, shares, slices
 from p3dof._base.tracing import Number, Symbol, Tape
-from p3dof._base.tracing.python import function_of
+from p3dof._base.tracing.printing import function_of
 from p3dof.loops.compiled.formulas import MARGIN, At, Robot, normalised
 from p3dof.loops.tree_formulas import dot
 

@@ -8,7 +8,7 @@ from importlib.resources import files
 from string import Template
 
 from p3dof._base.tracing import Symbol
-from p3dof._base.tracing.c import statements, text
+from p3dof._base.tracing.printing import statements, text
 from p3dof.loops.compiled.formulas import Robot
 from p3dof.loops.compiled.function import Function
 
