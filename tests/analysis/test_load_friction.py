@@ -19,8 +19,8 @@ from p3dof.analysis.load_friction import (
     LoadFriction,
     SlideContact,
     additions_table,
+    contacts,
     contacts_table,
-    fixed_point,
     read_load_friction,
 )
 from p3dof.analysis.reactions import JOINTS, Stiffness, of_result
@@ -290,8 +290,8 @@ def test_every_contact_loses_the_work_of_all_its_axes(robot):
 
 
 @shows(
-    "p3dof.analysis.load_friction.fixed_point.additions_table",
-    "p3dof.analysis.load_friction.fixed_point.contacts_table",
+    "p3dof.analysis.load_friction.contacts.additions_table",
+    "p3dof.analysis.load_friction.contacts.contacts_table",
 )
 def test_every_number_of_the_tables_of_friction_by_load(robot):
     papers, rows = paper_motion(41), [0, 5, 6, 14, 21, 33, 40]
@@ -392,7 +392,7 @@ def test_no_axis_of_a_universal_joint_may_change_any_more():
     former = {"hinge_a": np.full((2, 1), 30.0), "universal_b": np.array([[10.0, 20.0], [30.0, 40.0]])}
     latter = {"hinge_a": np.full((2, 1), 30.4), "universal_b": np.array([[10.0, 20.5], [30.0, 41.5]])}
     now = SimpleNamespace(loads=latter, reactions=SimpleNamespace(valid=np.ones(2, dtype=bool)))
-    found = fixed_point._largest_change(former, now, np.array([50.0, 100.0]))
+    found = contacts._largest_change(former, now, np.array([50.0, 100.0]))
     assert found == (pytest.approx(0.015), "universal_b", 1)
 
 
@@ -412,17 +412,17 @@ def test_changes_must_halve_within_twelve_steps(monkeypatch, left):
         states.append({"hinge_c": np.full((1, 1), (1 - ratio) * sum(ratio**k for k in range(len(states))))})
         return SimpleNamespace(loads=states[-1], reactions=reactions)
 
-    monkeypatch.setattr(fixed_point, "_stepped", stepped)
-    monkeypatch.setattr(fixed_point, "loads_of", lambda *_: stepped().loads)
+    monkeypatch.setattr(contacts, "_stepped", stepped)
+    monkeypatch.setattr(contacts, "loads_of", lambda *_: stepped().loads)
     given, motion = SimpleNamespace(loaded=lambda *_: None, solution=None, friction=None), paper_motion(11)
     if left < 0.5:
-        settled, steps = fixed_point._settle(given, motion)
+        settled, steps = contacts._settle(given, motion)
         assert settled.loads is states[-1]
         assert steps == len(states) - 1
         assert steps == pytest.approx(1 + np.log(1e-12 / (1 - ratio)) / np.log(ratio), abs=2)
     else:
         with pytest.raises(DynamicsError, match="after 13 steps the load of hinge_c at t = 0 s"):
-            fixed_point._settle(given, motion)
+            contacts._settle(given, motion)
 
 
 def test_invalid_samples_stay_out(robot):
