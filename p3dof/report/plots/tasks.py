@@ -165,7 +165,6 @@ def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
     axes[0].set_ylabel("motor torque [N m]")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=5, frameon=False, fontsize=9)
-    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
     if loads is not None:
         _draw_buses(figure.add_subplot(1, columns, columns), loads)
     return figure
