@@ -33,7 +33,14 @@ from p3dof.cli.files import InputFile, source, write_results
 from p3dof.cli.kinds import DURATION, FIGURE, Number, as_one, table_out
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.cli.work import LIFE
-from p3dof.design.bearings import bearing_life, bearings_table, guides_table, read_bearings, rods_table
+from p3dof.design.bearings import (
+    advice_table,
+    bearing_life,
+    bearings_table,
+    guides_table,
+    read_bearings,
+    rods_table,
+)
 from p3dof.design.drives import required_life
 from p3dof.design.forces_of_tasks import reactions_of_task
 from p3dof.design.tasks import Plan, read_task
@@ -177,7 +184,12 @@ def bearings(loads: JointLoads, bearings_file: Path, rest: float, life: str | No
     console = loads.case.console()
     print_warnings(console, report.warnings)
     place = None if loads.plan is None else loads.place
-    tables = (bearings_table(report, place), guides_table(report, place), rods_table(report))
+    tables = (
+        bearings_table(report, place),
+        guides_table(report, place),
+        rods_table(report),
+        advice_table(report),
+    )
     show(console, *(table for table in tables if table.rows), notes=True)
     print_plain(console, how_chosen(reactions))
     return 0 if report.lasts else 1

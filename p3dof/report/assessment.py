@@ -23,7 +23,7 @@ from p3dof.design.assessment import (
     short,
     uses_table,
 )
-from p3dof.design.bearings import bearings_table, guides_table, rods_table
+from p3dof.design.bearings import advice_table, bearings_table, guides_table, rods_table
 from p3dof.design.clearance import clearance_table
 from p3dof.design.design_comparison import DesignComparison, comparison_table, verdicts_table
 from p3dof.design.drives import (
@@ -143,7 +143,8 @@ def _content(found: Assessment) -> dict[str, Any]:
     task = isinstance(forces, TaskForces)
     motion = forces.plan.motion if isinstance(forces, TaskForces) else forces.motion
     report, sizing = found.bearings, found.drives
-    lives = [] if report is None else [bearings_table(report), guides_table(report), rods_table(report)]
+    shown_of = (bearings_table, guides_table, rods_table, advice_table)
+    lives = [] if report is None else [table(report) for table in shown_of]
     lives += [] if sizing is None else [nuts_table(sizing)]
     return {
         "pictures": _pictures(found),

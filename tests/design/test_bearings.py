@@ -19,6 +19,7 @@ from p3dof.design.bearings import (
     Bearing,
     Bearings,
     Guide,
+    advice_table,
     bearing_life,
     bearings_table,
     guides_table,
@@ -483,3 +484,31 @@ def test_the_command(tmp_path, capsys):
     ):
         assert words in shown
     assert guides_table(bearing_life(PAPER, p3dof.load().reactions(paper_motion(5)), read)).rows
+
+
+@shows("p3dof.design.bearings.evaluation.advice_table")
+def test_what_to_do_is_told_of_each_hinge_that_swings_a_little_and_each_guide_with_moments():
+    """Swings by Lagrange's bodies; the share of moments by its definition."""
+    motion = paper_motion(41)
+    part = Bearings(Bearing(5100.0), Guide(1e4, 50e3, (120.0, 120.0, 150.0)))
+    reactions = p3dof.load().reactions(motion)
+    axes = LagrangeModel(PAPER).orientations(motion.pose)
+    legs, around = BODIES.index("leg_a"), []
+    along = axes[:, legs, :, 0]  # a leg turns in its plane against the slider, which does not
+    around = np.unwrap(np.arctan2(along[:, 1], along[:, 2]))
+    table = advice_table(bearing_life(PAPER, reactions, part))
+    rows = {row[0]: row[1:] for row in table.rows}
+    swing = np.degrees(np.ptp(around))
+    assert float(rows["hinge_a"][0].split()[1].rstrip("°:")) == pytest.approx(
+        swing, abs=0.051
+    )  # told in three digits
+    assert ("full turn" in rows["hinge_a"][1]) == (swing > 30)
+    joint = reactions["slide_c"]
+    force = np.abs(joint.forces[:, :2]).sum(axis=1)
+    moment = (np.abs(joint.moments) * 1e4 / np.array([120.0, 120.0, 150.0])).sum(axis=1)
+    share = np.trapezoid(moment / (force + moment), reactions.time) / np.ptp(reactions.time)
+    assert rows["slide_c"][0] == f"{share:.0%} of its load from moments"
+    two = Guide(1e4, 50e3, (120.0, 120.0, 150.0), distance=0.12)
+    assert "slide_c" not in {
+        row[0] for row in advice_table(bearing_life(PAPER, reactions, Bearings(guides=two))).rows
+    }

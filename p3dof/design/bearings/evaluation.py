@@ -196,6 +196,30 @@ def _row(
     return (name, *map(number, loads), *where, *own, *lives)
 
 
+def advice_table(report: BearingReport) -> Table:
+    """Return what to do about bearings and guides whose lives do not tell all, part by part."""
+    rows = {
+        one.joint: (
+            f"swings {math.degrees(one.swing):.3g}°: false brinelling",
+            "a full turn now and then" if one.swing > _SMALL / 2 else "a plain or needle bearing",
+            "grease against fretting",
+        )
+        for one in report.bearings
+        if one.swing < _SMALL
+    }
+    rows |= {
+        one.joint: (
+            f"{one.moment_share:.0%} of its load from moments",
+            "two carriages on the rail",
+            "a wider rail",
+        )
+        for one in report.guides
+        if one.moment_share > _OFTEN and one.guide.distance is None
+    }
+    header = ("joint", "finding", "what to do", "or")
+    return table_of("What to do about bearings and guides", header, rows)
+
+
 def rods_table(report: BearingReport) -> Table:
     """Return legs and rods: compression against buckling, and the bending frequency."""
     rows = {
@@ -235,7 +259,7 @@ def _safety(value: float) -> str:
 @html_of.register(BearingReport)
 def report_html(report: BearingReport) -> str:
     """Return how a notebook shows bearings, guides and rods, as HTML."""
-    tables = [bearings_table(report), guides_table(report), rods_table(report)]
+    tables = [bearings_table(report), guides_table(report), rods_table(report), advice_table(report)]
     facts = f"a cycle of {number(report.cycle)} s"
     return notebook_html(
         "Bearings", facts, [table for table in tables if table.rows], list(report.warnings), WIDTH
@@ -468,11 +492,12 @@ def _warnings(
             f"{names}: up to {share:.0%} of the load comes from moments; two carriages on each rail "
             "would carry them as small forces"
         )
-    small = [f"{one.joint} {math.degrees(one.swing):.3g}°" for one in bearings if one.swing < _SMALL]
+    small = [one for one in bearings if one.swing < _SMALL]
     if small:
         told.append(
-            f"small oscillations ({', '.join(small)}): rolling elements may wear the part of the raceway "
-            "that they roll on (false brinelling); the life L10 does not include this"
+            f"{len(small)} hinges oscillate by less than {math.degrees(_SMALL):.0f}°: rolling elements may "
+            "wear the part of the raceway that they roll on (false brinelling), which L10 does not include; "
+            "what to do is told for each"
         )
     if any(one.hours > LONG for one in parts):
         told.append(
