@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from lagrange import BODIES, LagrangeModel
 from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 from table_numbers import check_table, shows
 
 import p3dof
@@ -488,27 +489,26 @@ def test_the_command(tmp_path, capsys):
 
 @shows("p3dof.design.bearings.evaluation.advice_table")
 def test_what_to_do_is_told_of_each_hinge_that_swings_a_little_and_each_guide_with_moments():
-    """Swings by Lagrange's bodies; the share of moments by its definition."""
-    motion = paper_motion(41)
-    part = Bearings(Bearing(5100.0), Guide(1e4, 50e3, (120.0, 120.0, 150.0)))
-    reactions = p3dof.load().reactions(motion)
-    axes = LagrangeModel(PAPER).orientations(motion.pose)
-    legs, around = BODIES.index("leg_a"), []
-    along = axes[:, legs, :, 0]  # a leg turns in its plane against the slider, which does not
-    around = np.unwrap(np.arctan2(along[:, 1], along[:, 2]))
-    table = advice_table(bearing_life(PAPER, reactions, part))
-    rows = {row[0]: row[1:] for row in table.rows}
-    swing = np.degrees(np.ptp(around))
-    assert float(rows["hinge_a"][0].split()[1].rstrip("°:")) == pytest.approx(
-        swing, abs=0.051
-    )  # told in three digits
-    assert ("full turn" in rows["hinge_a"][1]) == (swing > 30)
+    """Swings by the relative rotations of Lagrange's bodies; shares of moments by their definition."""
+    motion, ball, ratings = paper_motion(401), Bearing(5100.0), np.array([120.0, 120.0, 150.0])
+    guide = Guide(1e4, 50e3, tuple(ratings))
+    part = Bearings(joints={"hinge_a": ball, "hinge_left": ball, "slide_c": guide})
+    reactions = p3dof.load().reactions(motion, "elastic")
+    axes, rows = LagrangeModel(PAPER).orientations(motion.pose), {}
+    for joint in JOINTS:
+        if joint.name in ("hinge_a", "hinge_left"):
+            body = axes[:, BODIES.index(joint.successor)]
+            below = axes[:, BODIES.index(joint.predecessor)]
+            turned = np.swapaxes(below, 1, 2) @ body
+            apart = Rotation.from_matrix(turned[0].T @ turned).as_rotvec()
+            swing = np.degrees(np.ptp(apart @ apart[200] / np.linalg.norm(apart[200])))
+            what = "a full turn now and then" if swing > 30 else "a plain or needle bearing"
+            rows[joint.name] = (f"swings {swing:.3g}°: false brinelling", what, "grease against fretting")
     joint = reactions["slide_c"]
     force = np.abs(joint.forces[:, :2]).sum(axis=1)
-    moment = (np.abs(joint.moments) * 1e4 / np.array([120.0, 120.0, 150.0])).sum(axis=1)
+    moment = (np.abs(joint.moments) * 1e4 / ratings).sum(axis=1)
     share = np.trapezoid(moment / (force + moment), reactions.time) / np.ptp(reactions.time)
-    assert rows["slide_c"][0] == f"{share:.0%} of its load from moments"
-    two = Guide(1e4, 50e3, (120.0, 120.0, 150.0), distance=0.12)
-    assert "slide_c" not in {
-        row[0] for row in advice_table(bearing_life(PAPER, reactions, Bearings(guides=two))).rows
-    }
+    words = f"{share:.0%} of its load from moments", "two carriages on the rail", "a wider rail"
+    check_table(advice_table(bearing_life(PAPER, reactions, part)), rows | {"slide_c": words})
+    two = Bearings(guides=replace(guide, distance=0.12))
+    assert not advice_table(bearing_life(PAPER, reactions, two)).rows
