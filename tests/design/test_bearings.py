@@ -492,11 +492,11 @@ def test_what_to_do_is_told_of_each_hinge_that_swings_a_little_and_each_guide_wi
     """Swings by the relative rotations of Lagrange's bodies; shares of moments by their definition."""
     motion, ball, ratings = paper_motion(401), Bearing(5100.0), np.array([120.0, 120.0, 150.0])
     guide = Guide(1e4, 50e3, tuple(ratings))
-    part = Bearings(joints={"hinge_a": ball, "hinge_left": ball, "slide_c": guide})
+    part = Bearings(joints={"hinge_a": ball, "hinge_b": ball, "slide_c": guide})
     reactions = p3dof.load().reactions(motion, "elastic")
     axes, rows = LagrangeModel(PAPER).orientations(motion.pose), {}
     for joint in JOINTS:
-        if joint.name in ("hinge_a", "hinge_left"):
+        if joint.name in ("hinge_a", "hinge_b"):
             body = axes[:, BODIES.index(joint.successor)]
             below = axes[:, BODIES.index(joint.predecessor)]
             turned = np.swapaxes(below, 1, 2) @ body
