@@ -276,6 +276,7 @@ TESTS = {
         "pareto",
     ),
     "p3dof/design/optimisation/robust.py": ("robust",),
+    "p3dof/design/optimisation/statement.py": ("optimisation", "mixed", "study_numbers", "optima"),
     "p3dof/design/optimisation/mixed.py": ("mixed",),
     "p3dof/design/optimisation/task_measures.py": ("mixed",),
     "p3dof/design/optimisation/measures.py": (

@@ -164,7 +164,6 @@ class WayOfMachine:
     ) -> None:
         self._with_jerk = with_jerk
         self._seen: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        self._known: list[tuple[FloatArray, FloatArray, Demand]] = []
         bare = replace(robot.parameters, friction=Friction())
         self._lossy, self._bare = robot, Manipulator(bare)
         self._path, self._wrenches, self._mass = path, wrenches, reflected_mass
@@ -176,14 +175,6 @@ class WayOfMachine:
 
     def demand(self, place: FloatArray, middle: FloatArray) -> Demand:
         """Return what is needed at parameters (P,); each is in a step whose middle is given too, (P,)."""
-        for known, beside, found in self._known:  # the same dense points are looked at more than once
-            if np.array_equal(known, place) and np.array_equal(beside, middle):
-                return found
-        found = self._demanded(place, middle)
-        self._known = [(place, middle, found), *self._known[:1]]
-        return found
-
-    def _demanded(self, place: FloatArray, middle: FloatArray) -> Demand:
         pose, slope, bend = self._path.at(place)
         none = np.zeros_like(pose)
         piece = np.searchsorted(self._path.at_waypoints, middle, "right") - 1

@@ -42,7 +42,7 @@ def test_init_prints_commands_that_work_on_its_files(started, capsys, monkeypatc
     for command in told:
         code, out, err = run(capsys, *command.split())
         assert (code, err) == (0, ""), command
-    assert " fits: " in out
+    assert " fits with " in out
     report = "report task.yaml --parameters machine.yaml --drives drives.yaml --no-animation"
     assert run(capsys, *report.split())[0] == 0
     assert (started / "out" / "report.html").is_file()

@@ -574,8 +574,8 @@ def test_an_assessment_counts_the_bus(robot, motion):
     each = p3dof.assess(robot, motion, drives=pair, per_axis=True)
     assert each.drives.name == "A: motor + screw, B: small + screw, C: small + screw"
     page = p3dof.report.render_assessment(each)
-    assert f"With {each.drives.name}, " in page.replace("&#43;", "+")
-    assert "each axis has a drive of its own" in page
+    assert f", with {each.drives.name}." in page.replace("&#43;", "+")
+    assert "another drive on each axis" in page
     assert "Supply: supply" in p3dof.report.render_assessment(found)
 
 

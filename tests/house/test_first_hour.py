@@ -103,7 +103,7 @@ def test_the_engineer_with_a_part_to_move(walk, tmp_path):
     _, said = walk(own)
     told = re.findall(r"^  (p3dof .*)", said, re.MULTILINE)
     assert len(told) == 3
-    assert " fits: " in p3dof_process(told[-1], cwd=tmp_path / "mine")
+    assert " fits with " in p3dof_process(told[-1], cwd=tmp_path / "mine")
     lengths = p3dof.read_parameters(tmp_path / "lengths.yaml")
     found = in_table(table(tmp_path / "out/forces.csv"))
     assert from_lagrange(lengths, p3dof.paper_motion(), found) < 1e-12
@@ -114,7 +114,7 @@ def test_the_engineer_with_a_part_to_move(walk, tmp_path):
     _, said = walk(tutorial)
     fastest = float(re.findall(r"^([\d.]+) s in total", said, re.MULTILINE)[1])
     assert 0.9 < fastest < 1.1  # of 2 s
-    assert "M100 + 16x10 fits: brake of A" in said
+    assert "M400 + 16x10 fits with 20% reserve; the least is DN of A" in said
     saved = [float(share) for share in re.findall(r"rms force of [ABC] .* -([\d.]+) %", said)]
     assert len(saved) == 3
     assert min(saved) > 40

@@ -272,10 +272,10 @@ def write_ranking(found: Sequence[Sizing], path: str | os.PathLike[str]) -> Path
     columns.sort(key=lambda one: [*LEGS, one[0]].index(one[0]))
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["drive", "fits", *(f"{name} {owner} used" for owner, name in columns)])
+    writer.writerow(["drive", "verdict", *(f"{name} {owner} used" for owner, name in columns)])
     for sizing, shares in zip(found, each, strict=True):
         cells = (f"{shares[one]:.17g}" if one in shares else "" for one in columns)
-        writer.writerow([sizing.name, int(sizing.fits), *cells])
+        writer.writerow([sizing.name, sizing.verdict, *cells])
     return write_atomic(path, text.getvalue())
 
 

@@ -83,7 +83,7 @@ _MISSED = 1e-3  # violation on finer grids that is told
 
 
 @dataclass(frozen=True)
-class Combination:
+class Combination(Readable):
     """What came of one combination of the values of discrete variables."""
 
     values: tuple[str, ...]  # in words

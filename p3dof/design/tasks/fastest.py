@@ -34,7 +34,6 @@ from p3dof.machine.parameters import LEGS
 
 _SLOW = 1e-6  # share of the largest ṡ² under which speeds count as this one where a limit is linearised
 _FAR = 3.0  # a limit of power that allows so many times the force limit is left to the dense check
-_TINY = 1e-12  # share of the largest ṡ² that is the least unit of one
 _CREEP = 1e-4  # ṡ² at which the machine hardly moves, but against all dry friction
 _HARD = "the machine cannot move along the path within the limits, however slowly"
 
@@ -98,16 +97,16 @@ class Rows:
         self.bounds.append(bound[kept])
         self.steps.append(step[kept])
 
-    def scaled(self, columns: NDArray[np.intp], units: FloatArray) -> tuple[Any, FloatArray]:
-        """Return a sparse matrix (R, U) and bounds (R,); unknowns are in columns (n, m), in units (U,)."""
+    def scaled(self, columns: NDArray[np.intp], width: int) -> tuple[Any, FloatArray]:
+        """Return a sparse matrix (R, width) and bounds (R,); each step's unknowns are in columns (n, m)."""
         from scipy.sparse import csr_matrix
 
-        index = columns[np.concatenate(self.steps)]
-        entries, bounds = np.concatenate(self.entries) * units[index], np.concatenate(self.bounds)
+        entries, bounds = np.concatenate(self.entries), np.concatenate(self.bounds)
         scale = np.abs(entries).max(axis=1)
+        index = columns[np.concatenate(self.steps)]
         starts = np.arange(len(entries) + 1) * index.shape[1]
         matrix = csr_matrix(
-            ((entries / scale[:, None]).ravel(), index.ravel(), starts), shape=(len(entries), len(units))
+            ((entries / scale[:, None]).ravel(), index.ravel(), starts), shape=(len(entries), width)
         )
         return matrix, bounds / scale
 
@@ -179,37 +178,26 @@ def _add_jerk(
         rows.add(sign * row + tangent, 1.5 * allowed, points.step)
 
 
-_OPTIONS = {"simplex_dual_edge_weight_strategy": "dantzig"}  # a third faster on chains of steps
-
-
 def solved(
     cost: FloatArray,
     rows: Rows,
     columns: NDArray[np.intp],
     box: FloatArray,
     joints: Rows | None = None,
-    units: FloatArray | None = None,
+    unit: float = 1.0,
 ) -> FloatArray:
-    """Return the unknowns of the least cost, in units (U,) such as they are; ndarray, shape (U,)."""
+    """Return the unknowns of the least cost; ndarray, shape (U,)."""
     from scipy.optimize import linprog
 
-    units = np.ones(len(cost)) if units is None else units
-    matrix, bounds = rows.scaled(columns, units)
-    equal, values = (None, None) if joints is None else joints.scaled(columns, units)
-    cost = cost * units
+    matrix, bounds = rows.scaled(columns, len(cost))
+    equal, values = (None, None) if joints is None else joints.scaled(columns, len(cost))
+    values = None if values is None else values / unit
     found: Any = linprog(
-        cost / np.abs(cost).max(),
-        A_ub=matrix,
-        b_ub=bounds,
-        A_eq=equal,
-        b_eq=values,
-        bounds=box / units[:, None],
-        method="highs",
-        options=_OPTIONS if joints is None else None,
+        cost, A_ub=matrix, b_ub=bounds / unit, A_eq=equal, b_eq=values, bounds=box / unit, method="highs"
     )
     if found.x is None:
         raise TaskError(_HARD)
-    return np.asarray(units * found.x)
+    return np.asarray(unit * found.x)
 
 
 def require_standing(points: Points, limits: AxisLimits) -> None:
@@ -245,8 +233,7 @@ _CREEPING = 1e7  # how many times more slowly a motion may begin: power allows a
 _USELESS, _STUCK = 0.7, 2
 """Share of what exceeded limits before, over which more points were of no use; and how often they may be."""
 _CLOSE = 1e-9
-_COARSER = (6, 2)  # how many times fewer steps there are at first, and then
-_PEAKS = 0.99  # share of a limit from which on a point inside of a step is one of the first program
+_COARSE = 6
 
 
 class _Slowable(PathLaw, Protocol):
@@ -260,11 +247,10 @@ def fastest_law(nodes: FloatArray, way: Way, limits: AxisLimits) -> SpeedLaw:
     """Return how a path is covered in the least time, from rest to rest, whatever the jerk."""
     curved = way.lossy or bool(np.isfinite(limits.power).any())
     law = None
-    for every in _COARSER if curved else ():  # what is not linear is nearly known from fewer steps
-        if len(nodes) > 20 * every:
-            few = np.append(nodes[:-1:every], nodes[-1])
-            law = _programs(few, way, limits, None if law is None else _between(law, few), rough=True)
-    law = _programs(nodes, way, limits, None if law is None else _between(law, nodes))
+    if curved and len(nodes) > 20 * _COARSE:  # what is not linear is nearly known from fewer steps
+        few = np.append(nodes[:-1:_COARSE], nodes[-1])
+        law = _between(_programs(few, way, limits, None, rough=True), nodes)
+    law = _programs(nodes, way, limits, law)
     return slowed(law, Points.everywhere(nodes, DENSE, way), limits)
 
 
@@ -273,44 +259,31 @@ def _programs(
 ) -> SpeedLaw:
     """Return a law by programs one after the other, with more points where it exceeds a limit."""
     count = len(nodes) - 1
+    dense = Points.everywhere(nodes, DENSE, way)
     curved = way.lossy or bool(np.isfinite(limits.power).any())
     step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
     points = Points(nodes, step, share, way)
     require_standing(points, limits)
-    dense = None if rough else Points.everywhere(nodes, DENSE, way)
-    if dense is not None and law is not None:  # where limits peak inside of steps is nearly known too
-        step, share = _with_edges(step, share, dense.shares(law, limits), _PEAKS)
-        points = Points(nodes, step, share, way)
-    excess, stuck = np.inf, 0
+    before, excess, stuck = np.inf if law is None else law.duration, np.inf, 0
     for _ in range(_ROUNDS):
-        known, law = law, _next(points, nodes, limits, law)
-        far = _far(known, law) if curved else 0.0
-        if dense is None:
-            if far < _NEAR:
+        law = _next(points, nodes, limits, law)
+        moved, before = abs(law.duration - before), law.duration
+        near = not curved or moved < _NEAR * before
+        if rough:
+            if near:
                 break
             continue
         used = dense.shares(law, limits)
         left, excess = excess, float(used.max()) - 1
+        settled = not curved or moved < _SETTLED * before
         stuck += excess > _USELESS * left
-        if far < _SETTLED and (excess < EXCEEDED or stuck == _STUCK):
+        if settled and (excess < EXCEEDED or stuck == _STUCK):
             break
-        if far < _NEAR:
-            step, share = _with_edges(step, share, used)
+        if near:
+            step, share = with_worst(step, share, used)
             points = Points(nodes, step, share, way)
     assert law is not None  # noqa: S101 - for the type checker
     return law
-
-
-def _far(known: SpeedLaw | None, law: SpeedLaw) -> float:
-    """Return by which share of the time a law may be too slow, as what is not linear was taken at another.
-
-    A tangent of 1/√x at a place that is a share d away is 3/8 d² of it too low; in the mean over the time.
-    """
-    if known is None:
-        return np.inf
-    inner = slice(1, -1)
-    off = known.squares[inner] / np.maximum(law.squares[inner], _SLOW * law.squares.max()) - 1
-    return float(3 / 8 * np.average(np.minimum(off**2, 1.0), weights=np.gradient(law.kinks)[inner]))
 
 
 def _next(points: Points, nodes: FloatArray, limits: AxisLimits, law: SpeedLaw | None) -> SpeedLaw:
@@ -324,24 +297,12 @@ def _next(points: Points, nodes: FloatArray, limits: AxisLimits, law: SpeedLaw |
 
 
 def with_worst(
-    step: NDArray[np.intp], share: FloatArray, used: FloatArray, most: float = 1 + 0.1 * EXCEEDED
+    step: NDArray[np.intp], share: FloatArray, used: FloatArray
 ) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return points, with the worst one of each step that uses more than that of a limit."""
+    """Return points, with the worst one of each step in which a limit is exceeded."""
     worst = used.reshape(-1, len(DENSE))
-    over = np.flatnonzero(worst.max(axis=1) > most)
+    over = np.flatnonzero(worst.max(axis=1) > 1 + 0.1 * EXCEEDED)
     return np.append(step, over), np.append(share, DENSE[worst[over].argmax(axis=1)])
-
-
-def _with_edges(
-    step: NDArray[np.intp], share: FloatArray, used: FloatArray, most: float = 1 + 0.1 * EXCEEDED
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return points as `with_worst`, with the first and the last one of each step that use more too."""
-    worst, size = used.reshape(-1, len(DENSE)), len(DENSE)
-    over = np.flatnonzero(worst.max(axis=1) > most)
-    high = worst[over] > most
-    first, last = high.argmax(axis=1), size - 1 - high[:, ::-1].argmax(axis=1)
-    places = np.unique([over * size + k for k in (first, worst[over].argmax(axis=1), last)])
-    return np.append(step, places // size), np.append(share, DENSE[places % size])
 
 
 def slowed(law: _Law, dense: Points, limits: AxisLimits, slowest: float = SLOWEST) -> _Law:
@@ -382,12 +343,8 @@ def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedL
     gain = (np.append(size, 0) + np.append(0, size)) / 2
     cost = -np.append(gain, 2 / 3 * size) / nodes[-1]
     step = np.arange(count)
-    # In units of a known ṡ², which is small at the ends: the solver's tolerance is one of every unknown.
-    squares = nodes * (nodes[-1] - nodes) if known is None else known.squares
-    squares = np.maximum(squares, _TINY * squares.max())
-    squares[[0, -1]] = squares[[1, -2]]
-    units = np.append(squares, np.maximum(squares[1:], squares[:-1]))
-    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box, units=units)
+    unit = min(1.0, float(nodes[-1] if known is None else known.squares.max()))  # ṡ² grows as the way
+    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box, unit=unit)
     squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)
 
