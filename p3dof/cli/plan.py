@@ -33,7 +33,8 @@ from p3dof.design.fastest import (
 )
 from p3dof.design.forces_of_tasks import forces_of_task, limits_table, pieces_table
 from p3dof.design.tasks import FastestPlan, Plan, Task, read_task, write_task
-from p3dof.machine.motion import WrenchHistory
+from p3dof.design.tasks.task import MotionTask
+from p3dof.machine.motion import Motion, WrenchHistory
 from p3dof.manipulator import Manipulator
 from p3dof.methods import Method
 
@@ -85,13 +86,22 @@ class _Asked:
     task_out: Path | None = None
     better_path: bool = False
 
-    def opened(self) -> tuple[Task, Manipulator]:
-        """Return task and machine, unless something that is read would be written over."""
+    def opened(self, motions: bool = False) -> tuple[Task, Manipulator]:
+        """Return task and machine, unless something that is read would be written over.
+
+        Where `motions` are allowed too, a file of one stands for a task with its path.
+        """
         if self.task_out is not None and not self.better_path:
             raise InputError("--task-out: expected with --best-path only")
         outputs = self.out, self.wrench_out, self.forces_out, self.figure, self.task_out
         protect((self.task_file, self.parameters, self.surroundings), outputs)
-        task, robot = read_task(source(self.task_file)), machine_of(self.parameters)
+        file = self.task_file
+        task: Task
+        if motions and file.suffix.lower() == ".csv":
+            task = MotionTask(Motion.from_csv(source(file)), file.stem)
+        else:
+            task = read_task(source(file))
+        robot = machine_of(self.parameters)
         if self.wrench_out is not None and not any(waypoint.wrench.any() for waypoint in task.waypoints):
             raise InputError("--wrench-out: there is no external load in this task")
         return task, robot
@@ -196,12 +206,14 @@ def plan(asked: _Asked, duration: float | None) -> int:
 def fastest(asked: _Asked, nodes: int | None, **limits: float | None) -> int:
     """Compute the time-optimal motion of a task file under limits of force, speed, power and jerk.
 
+    TASK may be a motion file (CSV): its path is kept, and the durations of its rests.
+
     The limits are those of the task file, and else force and speed of the parameter file; an option replaces
     them. They also hold between the grid points: the last table lists the utilisation of each limit, and when
     it is active. The files written are those of 'plan'. Exit code 1 when another limit of the machine is
     exceeded, such as its stroke.
     """
-    task, robot = asked.opened()
+    task, robot = asked.opened(motions=True)
     chosen = limits_of(robot, task, **limits)
     own: dict[str, Any] = {"nodes": nodes, "samples": asked.samples}
     made: Plan | BestPath

@@ -21,6 +21,8 @@ from p3dof.design.tasks.laws import PROFILES, Law, ProfileLaw, SmoothLaw, SpeedL
 from p3dof.design.tasks.limits import Demand, Way
 from p3dof.design.tasks.plan import Stretch, payloads, planned
 from p3dof.design.tasks.smooth import STARTS, LimitUse, jerk_limited_law, looked_at, uses_of
+from p3dof.design.tasks.task import MotionTask
+from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import LEGS, SLIDES, Friction, Limits
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
@@ -34,7 +36,7 @@ over which differences are taken."""
 
 def fastest_plan(
     robot: Manipulator,
-    task: Task,
+    task: Task | Motion,
     limits: AxisLimits | None = None,
     *,
     nodes: int | None = None,
@@ -57,8 +59,8 @@ def fastest_plan(
     ----------
     robot : Manipulator
         The machine.
-    task : Task
-        What it has to do.
+    task : Task or Motion
+        What it has to do, or a motion whose path it has to take.
     limits : AxisLimits, optional
         Limits of the actuators. Without it those of the task, and force and speed of the
         machine's `p3dof.machine.Limits` where the task gives none.
@@ -74,10 +76,12 @@ def fastest_plan(
     InputError
         If `robot`, `task` or `limits` is something else, or `nodes` does not fit.
     TaskError
-        If the limits do not let the machine stand somewhere on a way, or move along it.
+        If the limits do not let the machine stand somewhere on a way, or move along it; or samples of a
+        motion are too far from each other to tell the path between them.
     ReachError, SingularityError
         If a path leaves what the machine can reach or hold.
     """
+    task = MotionTask(task) if isinstance(task, Motion) else task
     chosen = chosen_limits(robot, task, limits)
     most = isinstance(nodes, int) and not isinstance(nodes, bool) and 10 <= nodes <= MOST_NODES
     if nodes is not None and not most:

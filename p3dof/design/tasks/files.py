@@ -38,7 +38,7 @@ from p3dof._base.errors import ParameterError, TaskError
 from p3dof._base.files import Source, called, parse_yaml, read_text, suffix_of, write_atomic
 from p3dof._base.quantities import ANGLE, FORCE, JERK, LENGTH, MASS, MOMENT, POWER, SPEED, TIME, Quantity
 from p3dof.design.tasks.paths import Waypoint
-from p3dof.design.tasks.task import Task
+from p3dof.design.tasks.task import MotionTask, Task
 from p3dof.machine.parameters import LEGS
 from p3dof.machine.parameters.machine import read_body, read_fields
 
@@ -109,9 +109,13 @@ def write_task(task: Task, path: str | os.PathLike[str]) -> None:
     ------
     InputError
         If its name ends neither in ``.yaml`` nor in ``.yml``.
+    TaskError
+        If it is the path of a motion.
     FileError
         If the file cannot be written.
     """
+    if isinstance(task, MotionTask):
+        raise TaskError("the path of a motion has no form as a task file: Motion.to_csv writes the motion")
     suffix_of(path, "parameters")
     write_atomic(path, dump(task))
 

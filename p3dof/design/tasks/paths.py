@@ -8,17 +8,19 @@ at d, 3 d/4, d/2 and d/4 keeps three.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, shown
 from p3dof._base.errors import TaskError
 from p3dof._base.time_series import smoothing
 from p3dof.design.tasks.laws import eased, quintic
+from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import Body
 from p3dof.machine.parameters.machine import body_of
 
@@ -318,3 +320,98 @@ class Path:
         speed = np.linalg.norm(first, axis=1)
         bend = np.einsum("ij,ij->i", first, second) / speed
         return (self._ways[piece] + half * (speeds @ _WEIGHTS)) / total, speed / total, bend / total
+
+
+_FINE = 0.2  # share of the mean step of samples under which one is left out: there rounding bends a spline
+_GAP, _BESIDE = 5.0, 3  # a step so many times longer than all of so many on either side is a gap
+_ALONG = math.cos(math.radians(15))  # so well the spline must go where the velocity of a sample does
+_REST = 0.05  # share of the mean speed under which the parameter goes by length, and above it by time
+_STILL = 1e-3  # share of the largest speed under which the platform rests where it is slowest
+_POSED = 1e-15  # share of the way within which poses are one: their samples are a rest
+
+
+class SampledPath(Path):
+    """The way of a motion from one stop to the next, whatever its time.
+
+    It is a spline of degree 5 through the poses. Its parameter p is a length near the stops, where the motion
+    is slow, and elsewhere goes with its time t: dp = ε ds / √(v² + ε²), by the length s in the metric of
+    `Path` and the speed v = ds/dt. So what happens fast, as where a path turns sharply, is not lost.
+
+    Parameters
+    ----------
+    motion : Motion
+        From stop to stop.
+    length : float
+        As of `Path`.
+
+    Raises
+    ------
+    TaskError
+        If samples are so far from each other that the path between them is not known.
+    """
+
+    def __init__(self, motion: Motion, length: float) -> None:
+        metric = np.array([1.0, 1.0, length])
+        time, poses = motion.time, motion.pose
+        steps = np.linalg.norm(np.diff(poses, axis=0) * metric, axis=1)
+        _require_near(time, steps)
+        speed = np.linalg.norm(motion.velocity * metric, axis=1)
+        slow = _REST * steps.sum() / (time[-1] - time[0])
+        rate = slow * speed / np.hypot(speed, slow)
+        places = np.append(0.0, np.cumsum(np.diff(time) * (rate[1:] + rate[:-1]) / 2))
+        kept = _thinned(places)
+        self._turn = None
+        self._curve, self._unit = smoothing.interpolating(places[kept], poses[kept], 5)
+        self.end = float(places[-1])
+        self.at_waypoints = self.breaks = np.array([0.0, self.end])
+        along = np.asarray(self._curve(places / self._unit, 1)) * metric
+        cosine = np.einsum("ij,ij->i", along, motion.velocity * metric)
+        off = (speed > slow) & (cosine < _ALONG * speed * np.linalg.norm(along, axis=1))
+        if off.any():
+            raise TaskError(
+                f"the path through the poses does not go as the velocity at {time[int(off.argmax())]:g} s: "
+                "expected closer samples"
+            )
+
+
+def _require_near(time: FloatArray, steps: FloatArray) -> None:
+    """Raise where a step is much longer than those beside it: samples are missing there."""
+    for k in range(1, len(steps) - 1):
+        beside = max(steps[max(k - _BESIDE, 0) : k].max(), steps[k + 1 : k + 1 + _BESIDE].max())
+        if steps[k] > _GAP * beside:
+            raise TaskError(
+                f"the path has a gap from {time[k]:g} to {time[k + 1]:g} s: a step of {steps[k]:g} m in the "
+                f"metric of the task, where those beside it have at most {beside:g} m"
+            )
+
+
+def _thinned(places: FloatArray) -> NDArray[np.intp]:
+    """Return the indices of samples that are not too near to each other, both ends among them."""
+    least, kept = _FINE * places[-1] / (len(places) - 1), [0]
+    for k, place in enumerate(places.tolist()):
+        if place - places[kept[-1]] >= least and places[-1] - place >= least:
+            kept.append(k)
+    return np.array([*kept, len(places) - 1])
+
+
+def stops_of(motion: Motion, length: float) -> list[tuple[int, int]]:
+    """Return the first and the last sample of each rest of a motion, its ends among them, in order."""
+    metric = np.array([1.0, 1.0, length])
+    steps = np.linalg.norm(np.diff(motion.pose, axis=0) * metric, axis=1)
+    speed = np.linalg.norm(motion.velocity * metric, axis=1)
+    still = steps <= _POSED * steps.sum()
+    if still.all():
+        raise TaskError("the motion stays in one pose: there is no path to follow")
+    slow = speed <= _STILL * speed.max()
+    count, found = len(speed), [[0, 0]]
+    for k in range(count):
+        resting = k > 0 and still[k - 1]
+        if resting and found[-1][1] == k - 1:
+            found[-1][1] = k
+        elif resting:
+            found.append([k - 1, k])
+        elif 0 < k < count - 1 and slow[k] and speed[k - 1] > speed[k] <= speed[k + 1]:
+            found.append([k, k])
+    if found[-1][1] != count - 1:
+        found.append([count - 1, count - 1])
+    return [(first, last) for first, last in found]

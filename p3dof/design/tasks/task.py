@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
@@ -16,8 +16,9 @@ from p3dof._base.errors import TaskError
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.tasks.laws import PROFILES, ProfileLaw
 from p3dof.design.tasks.limits import AxisLimits
-from p3dof.design.tasks.paths import Path, Waypoint
+from p3dof.design.tasks.paths import Path, SampledPath, Waypoint, stops_of
 from p3dof.design.tasks.plan import Plan, Stretch, planned
+from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import Body
 from p3dof.machine.parameters.machine import body_of
 
@@ -229,6 +230,51 @@ class Task(Readable):
                 raise TaskError(f"{name}: pick_up: the platform carries something already; put it down first")
             carried = carried or point.pick_up is not None
         _ = self.paths  # says at once that one is not possible
+
+
+class MotionTask(Task):
+    """What a motion does, but for its timing: the same path with the same rests.
+
+    The ways between its rests are splines through its poses. Where it is slowest, and a thousand times slower
+    than at its fastest, it stops for a moment; its first and last samples are stops whatever their speed.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+    name : str
+        As of `Task`, as the next two.
+    turning_length : float
+        ℓ.
+    limits : mapping
+        Of the actuators.
+
+    Raises
+    ------
+    TaskError
+        If it is none, stays in one pose, or has samples too far from each other to tell the path between.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        name: str = "",
+        turning_length: float = 0.1,
+        limits: Mapping[str, Any] | None = None,
+    ) -> None:
+        if not isinstance(motion, Motion):
+            raise TaskError(f"motion: expected a Motion, got {shown(motion)}")
+        length = positive("turning_length", turning_length, TaskError)
+        rests = stops_of(motion, length)
+        begins, ends = (motion.time[[rest[k] for rest in rests]] for k in (0, 1))
+        points = [
+            Waypoint(motion.pose[last], f"stop at {begin:g} s", dwell=float(end - begin))
+            for (_, last), begin, end in zip(rests, begins, ends, strict=True)
+        ]
+        points[0], points[-1] = (replace(points[k], name=name) for k, name in ((0, "start"), (-1, "end")))
+        ways = tuple(SampledPath(motion[a : b + 1], length) for (_, a), (b, _) in pairwise(rests))
+        object.__setattr__(self, "paths", ways)
+        super().__init__(points, name, turning_length=length, limits=limits)
 
 
 def _checked_limits(given: Mapping[str, Any]) -> Mapping[str, Any]:
