@@ -314,6 +314,7 @@ TESTS = {
     "p3dof/design/assessment": ("task_numbers", "assessment"),
     "p3dof/design/balance.py": ("balance",),
     "p3dof/design/clearance.py": ("clearance",),
+    "p3dof/design/vibration.py": ("vibration",),
     "p3dof/design/design_comparison.py": ("task_numbers", "compare_designs"),
     "p3dof/design/fastest.py": (
         "fastest",

@@ -14,6 +14,7 @@ from . import (
     sizing,
     sweeps,
     tasks,
+    vibration,
 )
 
 # Names
@@ -34,6 +35,16 @@ from .design_comparison import DesignComparison, DesignMeasure
 from .forces_of_tasks import TaskForces, forces_of_task, reactions_of_task
 from .fastest import fastest_plan
 from .optimisation import DesignProblem, Front, Optimum
+from .vibration import (
+    MotorReferences,
+    Shaper,
+    motor_references,
+    residual_energies,
+    residual_vibration,
+    shaped,
+    shaper,
+    shapers_of,
+)
 
 __all__ = [
     "Approach",
@@ -49,9 +60,11 @@ __all__ = [
     "FastestPlan",
     "Front",
     "LimitUse",
+    "MotorReferences",
     "Optimum",
     "Plan",
     "RatingUse",
+    "Shaper",
     "Surroundings",
     "TaskForces",
     "assessment",
@@ -68,10 +81,17 @@ __all__ = [
     "fastest_plan",
     "forces_of_task",
     "forces_of_tasks",
+    "motor_references",
     "optimisation",
     "reactions_of_task",
     "read_surroundings",
+    "residual_energies",
+    "residual_vibration",
+    "shaped",
+    "shaper",
+    "shapers_of",
     "sizing",
     "sweeps",
     "tasks",
+    "vibration",
 ]

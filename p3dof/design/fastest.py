@@ -109,9 +109,8 @@ def fastest_plan(
         if progress is not None:
             progress(done, len(task.paths))
     plan = planned(task.waypoints, task.names, task.carrying, stretches, count, task.name)
-    return FastestPlan(
-        plan.name, plan.motion, plan.pieces, plan.waypoints, plan.times, chosen, uses_of(looked)
-    )
+    parts = plan.name, plan.motion, plan.pieces, plan.waypoints, plan.times
+    return FastestPlan(*parts, chosen, uses_of(looked), source=plan.source)
 
 
 def way_of(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +31,15 @@ class Stretch:
     first: int  # the waypoints at its ends
     last: int
     law: Law  # how it is covered in time
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """What a plan was made of, to plan it with other laws."""
+
+    waypoints: tuple[Waypoint, ...]
+    carrying: Body | None
+    stretches: tuple[Stretch, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +79,8 @@ class Plan(Readable):
         Names of the waypoints.
     times : ndarray, shape (K,)
         When the platform gets to each waypoint; where it is passed by a blend, to the middle of that [s].
+    source : Source, optional
+        Paths and laws, to shape it by `p3dof.design.shaped`.
     """
 
     name: str
@@ -77,6 +88,7 @@ class Plan(Readable):
     pieces: tuple[Piece, ...]
     waypoints: tuple[str, ...]
     times: FloatArray
+    source: Source | None = field(default=None, kw_only=True, repr=False)
 
     @property
     def duration(self) -> float:
@@ -145,7 +157,8 @@ def planned(
     for span in reversed(spans):
         if span.first != span.last:
             times[span.last] = span.end
-    return Plan(name, motion, tuple(pieces), tuple(names), times)
+    source = Source(tuple(waypoints), carrying, tuple(stretches))
+    return Plan(name, motion, tuple(pieces), tuple(names), times, source=source)
 
 
 def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], samples: int) -> FloatArray:

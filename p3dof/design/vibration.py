@@ -1,0 +1,448 @@
+"""Motions that leave no vibration: shaped laws, motor references of elastic drives, and what is left.
+
+Shaping: N. C. Singer, W. P. Seering, "Preshaping command inputs to reduce system vibration", ASME J. Dyn.
+Syst. Meas. Control 112 (1990) 76. The parameter of each way is shaped, not the pose, so that the path stays.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from p3dof._base.checks import (
+    FloatArray,
+    Progress,
+    Readable,
+    as_floats,
+    not_negative,
+    positive,
+    require,
+    shown,
+)
+from p3dof._base.errors import InputError, SampleError
+from p3dof._base.files import write_table
+from p3dof._base.time_series.times import sample_count
+from p3dof.design.forces_of_tasks import TaskForces, machines_of
+from p3dof.design.tasks import Plan
+from p3dof.design.tasks.laws import Law
+from p3dof.design.tasks.plan import planned
+from p3dof.machine.parameters import LEGS
+from p3dof.manipulator import Manipulator
+
+Kind = Literal["zv", "zvd"]
+KINDS = {"zv": (1.0, 1.0), "zvd": (1.0, 2.0, 1.0)}
+"""How many times each power of K an impulse has: a binomial."""
+
+_PRECISE = {"rtol": 1e-11, "atol": 1e-14}
+_NEWTON, _SETTLED = 50, 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Shaper(Readable):
+    """Impulses that a law of motion is convolved with.
+
+    Parameters
+    ----------
+    times : ndarray, shape (K,)
+        When each comes [s]; the first at 0.
+    shares : ndarray, shape (K,)
+        How much of the motion each is; together 1.
+    """
+
+    times: FloatArray
+    shares: FloatArray
+
+    @property
+    def duration(self) -> float:
+        """By how much a motion takes longer [s]."""
+        return float(self.times[-1])
+
+
+def shaper(kind: Kind, frequency: ArrayLike, damping: float = 0.0) -> Shaper:
+    """Return the impulses of a zero-vibration (ZV) or zero-vibration-and-derivative (ZVD) shaper.
+
+    Parameters
+    ----------
+    kind : {"zv", "zvd"}
+        Two impulses, or three: ZVD bears errors of the frequency.
+    frequency : float or array-like, shape (M,)
+        Undamped natural frequencies of modes [Hz]; their shapers are convolved.
+    damping : float
+        Damping ratio of the modes, below 1.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {shown(kind)}")
+    ratio = _ratio(damping)
+    modes = np.atleast_1d(np.asarray(frequency, dtype=object))
+    if modes.ndim != 1 or not len(modes):
+        raise InputError(f"frequency: expected a number or a row of them, got {shown(frequency)}")
+    root = np.sqrt(1 - ratio**2)
+    powers = np.arange(len(KINDS[kind]))
+    shares = np.array(KINDS[kind]) * np.exp(-np.pi * ratio / root * powers)
+    found = [
+        Shaper(powers / (2 * positive("frequency", mode, InputError) * root), shares / shares.sum())
+        for mode in modes.tolist()
+    ]
+    return reduce(_convolved, found)
+
+
+def _convolved(one: Shaper, other: Shaper) -> Shaper:
+    times = np.add.outer(one.times, other.times).ravel()
+    order = np.argsort(times, kind="stable")
+    return Shaper(times[order], np.multiply.outer(one.shares, other.shares).ravel()[order])
+
+
+def _ratio(damping: float) -> float:
+    ratio = not_negative("damping", damping, InputError)
+    if ratio >= 1:
+        raise InputError(f"damping: expected a damping ratio below 1, got {ratio:g}")
+    return ratio
+
+
+def residual_vibration(shaping: Shaper, frequency: float, damping: float = 0.0) -> float:
+    """Return the vibration of a linear mode after any shaped motion, as a share of that after the plain one.
+
+    Both at their own ends: V of Singer and Seering.
+
+    Parameters
+    ----------
+    shaping : Shaper
+        What the motion was shaped with.
+    frequency : float
+        Undamped natural frequency that the mode has in truth [Hz].
+    damping : float
+        Its damping ratio, below 1.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    """
+    require("shaping", shaping, Shaper)
+    ratio = _ratio(damping)
+    rate = 2 * np.pi * positive("frequency", frequency, InputError)
+    turns = (1j * np.sqrt(1 - ratio**2) + ratio) * rate * (shaping.times - shaping.duration)
+    return float(abs(shaping.shares @ np.exp(turns)))
+
+
+class ShapedLaw:
+    """A law of motion convolved with impulses."""
+
+    def __init__(self, law: Law, shaping: Shaper) -> None:
+        self._law, self._shaping = law, shaping
+        self.duration = law.duration + shaping.duration
+        self._end = float(law.at(np.array([law.duration]))[0][0])
+        ends = np.union1d(law.kinks, [0.0, law.duration])
+        self.kinks: FloatArray = np.unique(np.add.outer(shaping.times, ends))
+        self.jumps: FloatArray = np.unique(np.add.outer(shaping.times, law.jumps))
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the parameter and its first two derivatives by time, at times (N,) [s]."""
+        total = np.zeros((3, len(time)))
+        period, last = self._law.duration, time >= self.duration
+        for start, share in zip(self._shaping.times, self._shaping.shares, strict=True):
+            own = time - start
+            moves = (own >= 0) & (own < period)
+            if start == self._shaping.duration:
+                moves |= last
+            total[0, (own >= period) & ~moves] += share * self._end
+            total[:, moves] += share * np.array(self._law.at(np.minimum(own[moves], period)))
+        return total[0], total[1], total[2]
+
+    def when(self, parameter: FloatArray) -> FloatArray:
+        """Return when parameters (K,) are reached [s]."""
+        from scipy.optimize import brentq
+
+        def ahead(time: float, place: float) -> float:
+            return float(self.at(np.array([time]))[0][0]) - place
+
+        inside = (parameter > 0) & (parameter < self._end * (1 - 1e-15))
+        found = np.where(parameter > 0, self.duration, 0.0)
+        for k in np.flatnonzero(inside):
+            found[k] = brentq(ahead, 0.0, self.duration, args=(parameter[k],), xtol=1e-15)
+        return found
+
+
+def shaped(plan: Plan, shapers: Shaper | Sequence[Shaper], samples: int = 1001) -> Plan:
+    """Return a plan on the same path, each way of which is shaped, and takes so much longer.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of `Task.plan` or `fastest_plan`. The shaped one may exceed limits that a time-optimal one keeps.
+    shapers : Shaper or sequence of Shaper
+        For all ways from stop to stop, or one for each.
+    samples : int
+        As of `Task.plan`.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    """
+    require("plan", plan, Plan)
+    source = plan.source
+    if source is None:
+        raise InputError("plan: expected what Task.plan or fastest_plan returns")
+    ways = source.stretches
+    each = [shapers] * len(ways) if isinstance(shapers, Shaper) else list(shapers)
+    if len(each) != len(ways) or not all(isinstance(one, Shaper) for one in each):
+        raise InputError(f"shapers: expected one, or one for each of {len(ways)} ways, got {shown(shapers)}")
+    own = [replace(way, law=ShapedLaw(way.law, one)) for way, one in zip(ways, each, strict=True)]
+    count = sample_count(samples, least=2)
+    return planned(source.waypoints, plan.waypoints, source.carrying, own, count, plan.name)
+
+
+def shapers_of(
+    robot: Manipulator, plan: Plan, drive_stiffness: ArrayLike, kind: Kind = "zvd"
+) -> tuple[Shaper, ...]:
+    """Return a shaper for each way of a plan, by the natural frequencies of the machine on elastic drives.
+
+    For two modes, convolved: the lowest, and the mean of the two others; of each the mean over the way, with
+    what the platform carries.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine.
+    plan : Plan
+        Of `Task.plan` or `fastest_plan`.
+    drive_stiffness : float or array-like, shape (3,)
+        Of each drive, from the motor to the slider [N/m].
+    kind : {"zv", "zvd"}
+        As of `shaper`.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit, or the machine is not stable on such drives.
+    """
+    require("plan", plan, Plan)
+    k = _stiffness(drive_stiffness)
+    found = []
+    machines = machines_of(robot, plan)
+    for way in _ways(plan):
+        poses = np.concatenate([piece.motion.pose for piece in plan.pieces[way]])
+        own = _on_springs(machines[way.start])
+        modes = own.indices(poses, drive_stiffness=k, rods=None).frequency.mean(axis=0)
+        if not np.isfinite(modes).all():
+            raise InputError("drive_stiffness: expected drives on which the machine is stable")
+        found.append(shaper(kind, [modes[0], modes[1:].mean()]))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class MotorReferences(Readable):
+    """Where the motors of elastic drives have to be, so that the platform follows a plan.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Of the samples, as those of `TaskForces` [s].
+    positions : ndarray, shape (N, 3)
+        Of the motors of A, B, C, as positions of sliders [m].
+    velocities : ndarray, shape (N, 3)
+        [m/s].
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    velocities: FloatArray
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write times, positions and velocities to a CSV file, 17 significant digits.
+
+        Parameters
+        ----------
+        path : path-like
+            The file.
+
+        Raises
+        ------
+        InputError, FileError
+            If it does not end in ``.csv``, or cannot be written.
+        """
+        header = ["t [s]", *(f"motor {leg} [m]" for leg in LEGS), *(f"rate {leg} [m/s]" for leg in LEGS)]
+        return write_table(path, header, (self.time, *self.positions.T, *self.velocities.T))
+
+
+def motor_references(found: TaskForces, drive_stiffness: ArrayLike) -> MotorReferences:
+    """Return motor references by elastic inverse dynamics: the slider's position, and force by stiffness.
+
+    The force is that between nut and slider. Where it jumps, such as where a payload is picked up or an
+    acceleration changes at once, the reference does, too.
+
+    Parameters
+    ----------
+    found : TaskForces
+        Of `forces_of_task`.
+    drive_stiffness : float or array-like, shape (3,)
+        Of each drive, from the motor to the slider [N/m]; infinite for rigid drives.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit, or the machine cannot be at every sample of the task.
+    """
+    require("found", found, TaskForces)
+    k = _stiffness(drive_stiffness, rigid=True)
+    if not found.possible:
+        raise InputError("found: expected forces at every sample of the task")
+    curves = _curves(found, k)
+    times = [result.time for result in found.results]
+    both = [(curve(time), curve(time, 1)) for curve, time in zip(curves, times, strict=True)]
+    positions, velocities = (np.concatenate(part) for part in zip(*both, strict=True))
+    return MotorReferences(found.time, positions, velocities)
+
+
+def residual_energies(
+    robot: Manipulator,
+    found: TaskForces,
+    drive_stiffness: ArrayLike,
+    assumed: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> FloatArray:
+    """Return the energy of the vibration that is left at the end of each way [J]; ndarray, shape (W,).
+
+    The whole nonlinear machine hangs on a spring between each motor and slider, begins at rest, and is
+    integrated in time by `scipy.integrate.solve_ivp` (DOP853) while the motors follow their references. The
+    energy is kinetic and potential, to second order about where the machine comes to rest.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine; inertias of motors and screws are on the other side of the springs.
+    found : TaskForces
+        Of `forces_of_task`.
+    drive_stiffness : float or array-like, shape (3,)
+        Of each drive in truth [N/m].
+    assumed : float or array-like, shape (3,), optional
+        With which the `motor_references` are made; those of rigid drives without it [N/m].
+    progress : callable, optional
+        Called with (done, total) ways.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    SampleError
+        If the machine leaves what it can reach.
+    """
+    require("found", found, TaskForces)
+    k = _stiffness(drive_stiffness)
+    if not found.possible:
+        raise InputError("found: expected forces at every sample of the task")
+    curves = _curves(found, _stiffness(np.inf if assumed is None else assumed, rigid=True))
+    machines = [_on_springs(machine) for machine in machines_of(robot, found.plan)]
+    ways, energies = _ways(found.plan), []
+    for done, way in enumerate(ways, 1):
+        parts = [
+            _ElasticPiece(machine, piece.wrench, k, curve, piece.motion.time[[0, -1]])
+            for machine, piece, curve in zip(machines[way], found.plan.pieces[way], curves[way], strict=True)
+        ]
+        pose = parts[0].rest(0, found.plan.pieces[way.start].motion.pose[0])
+        state = np.append(pose, np.zeros(3))
+        for part in parts:
+            state = part.after(state)
+        energies.append(parts[-1].energy(state))
+        if progress is not None:
+            progress(done, len(ways))
+    return np.array(energies)
+
+
+class _ElasticPiece:
+    """A piece of a plan, done by the machine on springs."""
+
+    def __init__(
+        self, machine: Manipulator, wrench: FloatArray, k: FloatArray, motors: Any, ends: FloatArray
+    ) -> None:
+        self._machine, self._wrench, self._k = machine, wrench, k
+        self._motors, self._ends = motors, ends
+
+    def after(self, state: FloatArray) -> FloatArray:
+        """Return pose and velocity at the end of the piece."""
+        from scipy.integrate import solve_ivp
+
+        def rate(time: float, now: FloatArray) -> FloatArray:
+            pose, velocity = now[:3], now[3:]
+            forces = self._k * (self._motors(time) - self._machine.sliders(pose))
+            change = self._machine.forward_dynamics(
+                pose, velocity, forces, wrench=self._wrench, method="compiled"
+            )
+            return np.append(velocity, change)
+
+        run = solve_ivp(rate, self._ends, state, method="DOP853", **_PRECISE)
+        return np.asarray(run.y[:, -1])
+
+    def rest(self, end: int, pose: FloatArray) -> FloatArray:
+        """Return where the machine is at rest, with motors as at the beginning (0) or the end (-1)."""
+        motors, none = self._motors(self._ends[end]), np.zeros(3)
+        for _ in range(_NEWTON):
+            found = self._machine.force_derivatives(pose, none, none, wrench=self._wrench)
+            error = found.forces - self._k * (motors - self._machine.sliders(pose))
+            move = np.linalg.solve(self._slope(pose), error)
+            pose = pose - move
+            if np.abs(move).max() < _SETTLED:
+                return pose
+        raise SampleError("the machine on elastic drives has no place of rest near the plan")
+
+    def energy(self, state: FloatArray) -> float:
+        """Return the energy above that at rest [J]."""
+        pose, velocity = state[:3], state[3:]
+        rest = self.rest(-1, pose)
+        off = pose - rest
+        stiffness = self._machine.jacobian(rest).T @ self._slope(rest)
+        mass = self._machine.mass_matrix(rest)
+        return float(off @ stiffness @ off + velocity @ mass @ velocity) / 2
+
+    def _slope(self, pose: FloatArray) -> FloatArray:
+        """Return the derivative of holding forces less those of the springs by the pose, (3, 3)."""
+        none = np.zeros(3)
+        holding = self._machine.force_derivatives(pose, none, none, wrench=self._wrench)
+        return holding.by_pose + self._k[:, None] * self._machine.jacobian(pose)
+
+
+def _curves(found: TaskForces, k: FloatArray) -> list[Any]:
+    """Return the references of the motors over each piece, as splines through its samples."""
+    from scipy.interpolate import make_interp_spline
+
+    return [
+        make_interp_spline(one.time, one.sliders + one.nut_forces / k, 5 if len(one.time) > 5 else 1)
+        for one in found.results
+    ]
+
+
+def _ways(plan: Plan) -> list[slice]:
+    """Return which pieces each way from stop to stop has."""
+    moving = [k for k, piece in enumerate(plan.pieces) if not piece.dwells]
+    ends = [k + 1 for k in moving if not plan.pieces[k].motion.velocity[-1].any()]
+    starts = [moving[0]] + [next(k for k in moving if k >= end) for end in ends[:-1]]
+    return [slice(start, end) for start, end in zip(starts, ends, strict=True)]
+
+
+def _on_springs(robot: Manipulator) -> Manipulator:
+    """Return the machine that the springs move: without the inertia of motors and screws."""
+    parameters = robot.parameters
+    return Manipulator(replace(parameters, actuators=replace(parameters.actuators, armature={})))
+
+
+def _stiffness(value: ArrayLike, rigid: bool = False) -> FloatArray:
+    """Return the stiffness of three drives; infinite ones where rigid drives make sense."""
+    rows = as_floats("drive_stiffness", value)
+    if rows.shape not in ((), (3,)) or not (rows > 0).all():
+        raise InputError(f"drive_stiffness: expected a positive number, or three, got {shown(value)}")
+    if not rigid and not np.isfinite(rows).all():
+        raise InputError(f"drive_stiffness: expected a finite stiffness, got {shown(value)}")
+    return np.broadcast_to(rows, (3,))

@@ -1,0 +1,298 @@
+"""Shaped motions and motor references: impulses, modes by quadrature, and the whole machine on springs."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+import p3dof
+from p3dof import InputError, Task, Waypoint
+from p3dof.design import (
+    AxisLimits,
+    fastest_plan,
+    forces_of_task,
+    motor_references,
+    residual_energies,
+    residual_vibration,
+    shaped,
+    shaper,
+    shapers_of,
+)
+from p3dof.design.tasks.laws import ProfileLaw, quintic, s_curve
+from p3dof.design.vibration import ShapedLaw
+from p3dof.machine import Body
+
+PART = Body(3.0, [0, 0, -0.04], np.zeros((3, 3)))
+TILT = math.pi / 12
+SPRING = 2e5
+LINE = Task([Waypoint([-0.15, 0.025, -TILT]), Waypoint([0.15, 0.025, TILT])], carrying=PART)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return p3dof.load()
+
+
+@pytest.fixture(scope="module")
+def plain(robot):
+    plan = LINE.plan(0.3)
+    return forces_of_task(robot, plan)
+
+
+@pytest.mark.parametrize(
+    ("kind", "damping", "true", "left"),
+    [
+        ("zv", 0.01, 13.2, 0.1537433),
+        ("zv", 0.01, 10.8, 0.1542271),
+        ("zvd", 0.01, 13.2, 0.0236370),
+        ("zvd", 0.01, 10.8, 0.0237860),
+        ("zv", 0.05, 13.2, 0.1432095),
+        ("zv", 0.05, 10.8, 0.1454796),
+        ("zvd", 0.05, 13.2, 0.0205089),
+        ("zvd", 0.05, 10.8, 0.0211643),
+    ],
+)
+def test_a_wrong_frequency_leaves_what_singer_and_seering_say(kind, damping, true, left):
+    found = shaper(kind, 12.0, damping)
+    assert residual_vibration(found, true, damping) == pytest.approx(left, abs=5.1e-8)
+    assert residual_vibration(found, 12.0, damping) < 1e-15
+    assert found.shares.sum() == pytest.approx(1.0, abs=1e-15)
+    steps = (1 if kind == "zv" else 2) / (24 * math.sqrt(1 - damping**2))
+    assert found.duration == pytest.approx(steps, rel=1e-15)
+
+
+@pytest.mark.parametrize(("kind", "width"), [("zv", 0.06369), ("zvd", 0.28713)])
+def test_the_width_within_which_a_twentieth_is_left(kind, width):
+    found = shaper(kind, 1.0)
+    ends = [
+        brentq(lambda f: residual_vibration(found, f) - 0.05, *bracket) for bracket in ((0.5, 1), (1, 1.5))
+    ]
+    assert ends[1] - ends[0] == pytest.approx(width, abs=5.1e-6)
+
+
+def left_over(law, length, frequency, damping):
+    """Amplitude of a linear mode after a move, integrated in time [m]."""
+    rate = 2 * math.pi * frequency
+
+    def change(time, state):
+        place = law.at(np.array([time]))[0][0]
+        return [state[1], rate**2 * (place - state[0]) - 2 * damping * rate * state[1]]
+
+    state, ends = [0.0, 0.0], np.union1d(law.kinks, [0.0, law.duration])
+    for pair in pairwise(ends):
+        state = solve_ivp(change, pair, state, method="DOP853", rtol=1e-11, atol=1e-14).y[:, -1]
+    off = state[0] - length
+    return math.hypot(off, (state[1] / rate + damping * off) / math.sqrt(1 - damping**2))
+
+
+def test_a_linear_mode_in_time_is_left_with_the_numbers_of_the_formula():
+    law = ProfileLaw(quintic, 0.3, 0.25)
+    plain = left_over(law, 0.3, 13.2, 0.02)
+    assert plain == pytest.approx(3.209706e-3, abs=5.1e-10)
+    for kind, left in (("zv", 4.849086e-4), ("zvd", 7.325789e-5)):
+        own = shaper(kind, 12.0, 0.02)
+        found = left_over(ShapedLaw(law, own), 0.3, 13.2, 0.02)
+        assert found == pytest.approx(left, abs=5.1e-11)
+        assert found / plain == pytest.approx(residual_vibration(own, 13.2, 0.02), rel=1e-8)
+
+
+def test_modes_are_convolved_and_none_of_them_is_left():
+    found = shaper("zvd", [11.0, 29.0, 33.0], 0.03)
+    assert len(found.times) == 27
+    assert (np.diff(found.times) >= 0).all()
+    for mode in (11.0, 29.0, 33.0):
+        assert residual_vibration(found, mode, 0.03) < 1e-15
+
+
+@pytest.mark.parametrize("profile", [quintic, s_curve])
+def test_a_shaped_law_is_the_sum_of_its_parts_and_its_rates_are_its_own(profile):
+    law = ProfileLaw(profile, 0.4, 0.7)
+    found = ShapedLaw(law, shaper("zvd", [3.0, 7.0]))
+    place, speed, change = found.at(np.array([0.0, found.duration]))
+    assert place == pytest.approx([0.0, 0.4], abs=1e-15)
+    assert speed == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert change == pytest.approx([0.0, 0.0], abs=1e-12)
+    time, step = np.random.default_rng(3).uniform(0.01, found.duration - 0.01, 50), 1e-5
+    clear = np.abs(time[:, None] - found.kinks).min(axis=1) > 2 * step
+    before, here, after = (found.at(time[clear] + shift) for shift in (-step, 0.0, step))
+    assert (after[0] - before[0]) / (2 * step) == pytest.approx(here[1], abs=1e-8)
+    assert (after[1] - before[1]) / (2 * step) == pytest.approx(here[2], abs=1e-6)
+    when = found.when(here[0])
+    assert found.at(when)[0] == pytest.approx(here[0], abs=1e-14)
+
+
+def test_the_path_is_kept(robot):
+    task = Task(
+        [
+            Waypoint([-0.15, 0, -0.2], dwell=0.1),
+            Waypoint([-0.02, 0.04], blend=0.05),
+            Waypoint([0.15, 0, 0.2]),
+            Waypoint([0.05, 0.01, 0]),
+        ]
+    )
+    plan = task.plan(0.9)
+    each = shapers_of(robot, plan, 1e6)
+    found = shaped(plan, each)
+    assert found.duration == pytest.approx(0.9 + sum(one.duration for one in each), abs=1e-15)
+    path = task.paths[0]
+    rows = (found.motion.time > 0.1) & (found.motion.time < found.times[2])
+    poses = found.motion.pose[rows]
+    assert len(poses) > 300
+    for y, z, theta in poses[::40]:
+        s = brentq(lambda s, y=y: path.at(np.array([s]))[0][0, 0] - y, 0, path.end, xtol=1e-16, rtol=1e-15)
+        assert path.at(np.array([s]))[0][0, 1:] == pytest.approx([z, theta], abs=1e-14)
+    assert [piece.name for piece in found.pieces] == [piece.name for piece in plan.pieces]
+    assert (found.motion.pose[-1] == plan.motion.pose[-1]).all()
+
+
+def linear(robot, pose, k):
+    """Mass, stiffness and its part by gravity about rest, by differences of the virtual powers' formulas."""
+    held = robot.forces(pose, np.zeros(3), np.zeros(3), method="virtual-power")
+
+    def load(x):
+        jacobian = robot.jacobian(x, method="virtual-power")
+        return robot.gravity_forces(x) - jacobian.T @ held
+
+    steps = 1e-5 * np.eye(3)
+    gravity = np.column_stack([(load(pose + step) - load(pose - step)) / 2e-5 for step in steps])
+    jacobian = robot.jacobian(pose, method="virtual-power")
+    return robot.mass_matrix(pose, method="virtual-power"), k * jacobian.T @ jacobian, gravity
+
+
+@pytest.mark.parametrize(
+    ("part", "pose", "modes"),
+    [
+        (None, [0, 0, 0], [28.95971, 70.27646, 77.93003]),
+        (PART, [-0.15, 0.025, -TILT], [30.19749, 67.67730, 74.83285]),
+    ],
+)
+def test_the_frequencies_are_those_of_differences(robot, part, pose, modes):
+    machine = robot if part is None else p3dof.Manipulator(robot.parameters.carrying(part))
+    mass, springs, gravity = linear(machine, np.array(pose, float), 1e6)
+    stiffness = springs + (gravity + gravity.T) / 2
+    found = np.sqrt(eigh(stiffness, mass, eigvals_only=True)) / (2 * math.pi)
+    assert found == pytest.approx(modes, abs=5.1e-6)
+    own = machine.indices(pose, drive_stiffness=1e6, rods=None).frequency
+    assert own == pytest.approx(found, rel=1e-8)
+
+
+def test_a_small_move_leaves_the_energy_of_its_linear_modes(robot):
+    start, way, none = np.array([-0.05, 0.02, 0.1]), np.array([8e-6, 6e-6, 3e-5]), np.zeros(3)
+    found = forces_of_task(robot, Task([Waypoint(start), Waypoint(start + way)]).plan(0.05))
+    middle = rest = start + way / 2
+    for _ in range(20):
+        held = robot.forces(rest, none, none, method="virtual-power")
+        rest = robot.forward_kinematics(robot.sliders(middle) - held / SPRING)
+    mass, springs, gravity = linear(robot, rest, SPRING)
+    gravity = (gravity + gravity.T) / 2
+    way = np.linalg.solve(robot.jacobian(rest), robot.jacobian(middle) @ way)
+    squares, shapes = eigh(springs + gravity, mass)
+    time, rates = np.linspace(0, 0.05, 20001), np.sqrt(squares)
+    place, _, change = quintic(time / 0.05)
+    pushes = np.outer(change / 0.05**2, mass @ way) + np.outer(place - 1, gravity @ way)
+    moved = np.trapezoid(pushes @ shapes * np.exp(1j * np.outer(time, rates)), time, axis=0)
+    moved += 1j * (gravity @ way @ shapes) / rates  # where it begins it is off the last place of rest
+    energy = (np.abs(moved) ** 2).sum() / 2
+    assert residual_energies(robot, found, SPRING)[0] == pytest.approx(energy, rel=1e-4)
+
+
+def share(robot, found, plain, true, assumed=None):
+    return math.sqrt(
+        residual_energies(robot, found, true, assumed)[0] / residual_energies(robot, plain, true)[0]
+    )
+
+
+def test_elastic_inverse_dynamics_leaves_nothing_where_the_stiffness_is_known(robot, plain):
+    assert share(robot, plain, plain, SPRING, SPRING) < 1e-8
+    for error in (0.8, 1.2):
+        assert 0.1 < share(robot, plain, plain, SPRING * error, SPRING) < 0.25
+
+
+@pytest.mark.parametrize("error", [0.8, 1.2])
+def test_with_zvd_on_top_a_wrong_stiffness_leaves_less_than_a_twentieth(robot, plain, error):
+    plan = shaped(plain.plan, shapers_of(robot, plain.plan, SPRING))
+    found = forces_of_task(robot, plan)
+    assert share(robot, found, plain, SPRING * error, SPRING) < 0.05
+    assert share(robot, found, plain, SPRING) < 0.1
+    # between samples a reference is a spline, which rounds off the kinks that every impulse begins with
+    assert share(robot, found, plain, SPRING, SPRING) < 1e-4
+
+
+def test_each_way_has_its_payload_and_its_energy(robot):
+    stops = [
+        Waypoint([0, 0, 0]),
+        Waypoint([-0.1, 0, -0.1], pick_up=PART, dwell=0.1),
+        Waypoint([0, 0.03], blend=0.03),
+        Waypoint([0.1, 0, 0.1], put_down=True),
+        Waypoint([0, 0, 0]),
+    ]
+    task = Task(stops)
+    found = forces_of_task(robot, task.plan(0.7))
+    energies = residual_energies(robot, found, SPRING)
+    assert energies.shape == (3,)
+    alone = Task(stops[3:4] + stops[4:], carrying=PART).plan(
+        float(found.plan.source.stretches[2].law.duration)
+    )
+    last = residual_energies(robot, forces_of_task(robot, alone), SPRING)[0]
+    assert last == pytest.approx(energies[2], rel=1e-6)
+    assert (residual_energies(robot, found, SPRING, SPRING) < 1e-6 * energies).all()
+
+
+def test_references_are_sliders_and_forces_by_stiffness(robot, plain, tmp_path):
+    k = np.array([1e5, 2e5, 4e5])
+    found, result = motor_references(plain, k), plain.results[0]
+    motion = result.motion
+    wanted = robot.sliders(motion.pose) + plain.nut_forces / k
+    assert found.positions == pytest.approx(wanted, abs=1e-15)
+    slopes = np.gradient(wanted, motion.time, axis=0, edge_order=2)
+    assert found.velocities == pytest.approx(slopes, abs=2e-4)
+    rigid = motor_references(plain, np.inf)
+    assert rigid.velocities == pytest.approx(result.slider_velocities, abs=1e-8)
+    rows = np.loadtxt(found.to_csv(tmp_path / "motors.csv"), delimiter=",", skiprows=1)
+    assert (rows == np.column_stack([found.time, found.positions, found.velocities])).all()
+
+
+def test_a_motion_in_the_least_time_is_shaped_too(robot):
+    task = Task([Waypoint([-0.1, 0, -0.1]), Waypoint([0.1, 0, 0.1])])
+    plan = fastest_plan(robot, task, AxisLimits(300.0, 2.0), nodes=40)
+    own = shaper("zv", 30.0)
+    found = shaped(plan, own)
+    assert found.duration == pytest.approx(plan.duration + own.duration, abs=1e-14)
+    assert not hasattr(found, "uses")
+    with pytest.raises(InputError, match="one for each of 1 ways"):
+        shaped(plan, [own, own])
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: shaper("ei", 12.0), "kind: expected one of zv, zvd"),
+        (lambda: shaper("zv", 0.0), "frequency: expected a positive"),
+        (lambda: shaper("zv", []), "frequency: expected a number or a row"),
+        (lambda: shaper("zv", [[1.0]]), "frequency: expected a number or a row"),
+        (lambda: shaper("zv", "fast"), "frequency: expected"),
+        (lambda: shaper("zv", 12.0, 1.0), "damping: expected a damping ratio below 1"),
+        (lambda: shaper("zv", 12.0, -0.1), "damping: expected"),
+        (lambda: residual_vibration("zv", 12.0), "shaping: expected a Shaper"),
+        (lambda: residual_vibration(shaper("zv", 12.0), -1), "frequency: expected"),
+        (lambda: shaped(3, shaper("zv", 12.0)), "plan: expected a Plan"),
+        (lambda: shaped(LINE.plan(1.0), "zv"), "shapers: expected one, or one for each of 1 ways"),
+        (lambda: motor_references(3, 1e6), "found: expected a TaskForces"),
+        (
+            lambda: shapers_of(p3dof.load(), LINE.plan(1.0), [1e6, 1e6]),
+            "drive_stiffness: expected a positive",
+        ),
+        (lambda: shapers_of(p3dof.load(), LINE.plan(1.0), "stiff"), "drive_stiffness: expected real numbers"),
+        (lambda: shapers_of(p3dof.load(), LINE.plan(1.0), 0), "drive_stiffness: expected a positive"),
+        (lambda: shapers_of(p3dof.load(), LINE.plan(1.0), math.inf), "drive_stiffness: expected a finite"),
+        (lambda: shapers_of(p3dof.load(), 3, 1e6), "plan: expected"),
+    ],
+)
+def test_what_does_not_fit_is_one_clear_line(call, words):
+    with pytest.raises(InputError, match=words) as caught:
+        call()
+    assert "\n" not in str(caught.value)
