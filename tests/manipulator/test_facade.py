@@ -150,6 +150,7 @@ def test_what_public_functions_return_is_public():
     assert missing == {
         "p3dof.closed_form.compiled.formulas.Kernel",  # what a benchmark asks of the kernels
         "p3dof._base.tables.Table",  # what functions of a wing make for pages, which show it by themselves
+        "p3dof.design.tasks.plan.Source",  # what a plan keeps for `p3dof.design.shaped`
         "p3dof.methods.registry.AtOnce",  # what a method prepares for `Manipulator`
     }
 
