@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from p3dof._base.checks import meant, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import together, write_table
 from p3dof._base.quantities import FORCE, JERK, POWER, SPEED
@@ -19,6 +21,7 @@ from p3dof.cli.machine import PARAMETERS, machine_of
 from p3dof.cli.output import print_plain, print_written, progress_bar, show
 from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
 from p3dof.design.clearance import clearance_of, clearance_table
+from p3dof.design.drives import GENERIC, Catalogue, ratings_table, read_catalogue, verdict
 from p3dof.design.fastest import (
     MOST_NODES,
     NODES,
@@ -26,18 +29,22 @@ from p3dof.design.fastest import (
     BestPath,
     best_path,
     best_path_table,
+    drive_limits,
     fastest_plan,
     limits_of,
     sizing_table,
+    tighter,
     within_limits,
 )
 from p3dof.design.forces_of_tasks import forces_of_task, limits_table, pieces_table
+from p3dof.design.sizing import size_drives
 from p3dof.design.tasks import FastestPlan, Plan, Task, read_task, write_task
 from p3dof.design.tasks.task import MotionTask
 from p3dof.machine.motion import Motion, WrenchHistory
 from p3dof.manipulator import Manipulator
 from p3dof.methods import Method
 
+_NAMED = 6  # drives that an error names
 _OPTIONS = (
     click.argument("task_file", metavar="TASK", type=InputFile()),
     PARAMETERS,
@@ -106,8 +113,13 @@ class _Asked:
             raise InputError("--wrench-out: there is no external load in this task")
         return task, robot
 
-    def told(self, task: Task, robot: Manipulator, made: Plan | BestPath) -> int:
-        """Compute the forces of a plan, write its files and print its tables; return the exit code."""
+    def told(
+        self, task: Task, robot: Manipulator, made: Plan | BestPath, drive: Catalogue | None = None
+    ) -> int:
+        """Compute the forces of a plan, write its files and print its tables; return the exit code.
+
+        A catalogue of one drive says by which the plan was made: it is sized.
+        """
         out = self.out
         planned = made.plan if isinstance(made, BestPath) else made
         load = planned.wrench
@@ -138,6 +150,11 @@ class _Asked:
             around = surroundings_in(self.surroundings)
             near = clearance_of(robot, found, around, required=self.clearance or 0.0)
             tables.append(clearance_table(near))
+        sizing = None
+        if drive is not None and found.possible:
+            sizing = size_drives(robot, found, drive)[0]
+            print_plain(console, f"{sizing.name} {verdict(sizing, lambda time: found.piece_at(time).name)}")
+            tables.append(ratings_table(sizing, lambda time: found.piece_at(time).name))
         show(console, *tables, notes=True)
         if near is not None:
             print_plain(console, near.verdict)
@@ -151,7 +168,7 @@ class _Asked:
                 "task include them (report, size, balance, reactions --task, bearings --task)",
             )
         kept = within_limits(found, machine, own) and (near is None or near.fits)
-        return 0 if kept else 1
+        return 0 if kept and (sizing is None or sizing.fits) else 1
 
 
 _with_task = as_one("asked", _Asked, *_OPTIONS)
@@ -189,6 +206,18 @@ def plan(asked: _Asked, duration: float | None) -> int:
     help="Reflected mass of motor and screw at each slider [kg], counted in the force limit.",
 )
 @click.option(
+    "--drive",
+    "named",
+    metavar="NAME",
+    help="Drive of the catalogue, such as 'M400 + 16x10': limits are its torque-speed curve, speeds, power.",
+)
+@click.option(
+    "--drives",
+    "catalogue_file",
+    type=InputFile(),
+    help="Catalogue of motors, gears, screws and belts (YAML); by default generic sizes.",
+)
+@click.option(
     "--nodes",
     type=Whole(10, MOST_NODES),
     help=f"Grid intervals between two stops: more come nearer to the least time.  [default: {NODES}; "
@@ -203,18 +232,26 @@ def plan(asked: _Asked, duration: float | None) -> int:
 @click.option(
     "--task-out", type=OutputFile("parameters"), help="Task file to write, with the best path (YAML)."
 )
-def fastest(asked: _Asked, nodes: int | None, **limits: float | None) -> int:
+def fastest(
+    asked: _Asked, nodes: int | None, named: str | None, catalogue_file: Path | None, **limits: float | None
+) -> int:
     """Compute the time-optimal motion of a task file under limits of force, speed, power and jerk.
 
     TASK may be a motion file (CSV): its path is kept, and the durations of its rests.
 
     The limits are those of the task file, and else force and speed of the parameter file; an option replaces
-    them. They also hold between the grid points: the last table lists the utilisation of each limit, and when
-    it is active. The files written are those of 'plan'. Exit code 1 when another limit of the machine is
-    exceeded, such as its stroke.
+    them. They also hold between the grid points: a table lists the utilisation of each limit, and when it is
+    active. With --drive the peak torque over speed, speeds and power of that drive are limits too, less its
+    margins, and its rms torque, heat and lives are looked at as by 'size'. The files written are those of
+    'plan'. Exit code 1 when another limit of the machine is exceeded, such as its stroke, or of the drive.
     """
+    drive = _chosen_drive(named, catalogue_file)
+    if drive is not None and limits["reflected_mass"] is not None:
+        raise InputError("--reflected-mass: the drive has its own (--drive)")
     task, robot = asked.opened(motions=True)
     chosen = limits_of(robot, task, **limits)
+    if drive is not None:
+        chosen = tighter(chosen, drive_limits(robot, next(iter(drive)), drive.margins))
     own: dict[str, Any] = {"nodes": nodes, "samples": asked.samples}
     made: Plan | BestPath
     if asked.better_path:
@@ -223,7 +260,28 @@ def fastest(asked: _Asked, nodes: int | None, **limits: float | None) -> int:
     else:
         with progress_bar("ways", len(task.paths)) as progress:
             made = fastest_plan(robot, task, chosen, progress=progress, **own)
-    return asked.told(task, robot, made)
+    return asked.told(task, robot, made, drive)
+
+
+def _chosen_drive(name: str | None, file: Path | None) -> Catalogue | None:
+    """Return a catalogue of the one drive that has a name, or that there is."""
+    if name is None and file is None:
+        return None
+    catalogue = GENERIC if file is None else read_catalogue(source(file))
+    drives = {drive.name: drive for drive in catalogue}
+    if name is None and len(drives) > 1:
+        raise InputError(f"--drives: expected --drive with it, one of {_some(drives)}")
+    if name is not None and name not in drives:
+        raise InputError(f"--drive: expected one of {_some(drives)}{meant(name, drives)}, got {shown(name)}")
+    one = drives[name] if name is not None else next(iter(drives.values()))
+    return replace(catalogue, motors=[one.motor], transmissions=[one.transmission], gears=[one.gear], axes={})
+
+
+def _some(names: Iterable[str]) -> str:
+    """Return the first names, and how many more there are."""
+    every = list(names)
+    more = f" and {len(every) - _NAMED} more" if len(every) > _NAMED else ""
+    return ", ".join(every[:_NAMED]) + more
 
 
 def _write_load(load: WrenchHistory, path: Path) -> Path:

@@ -33,7 +33,7 @@ from .clearance import (
 )
 from .design_comparison import DesignComparison, DesignMeasure
 from .forces_of_tasks import TaskForces, forces_of_task, reactions_of_task
-from .fastest import fastest_plan
+from .fastest import drive_limits, fastest_plan
 from .optimisation import DesignProblem, Front, Optimum
 from .vibration import (
     MotorReferences,
@@ -76,6 +76,7 @@ __all__ = [
     "clearance_of",
     "clearance_over",
     "design_comparison",
+    "drive_limits",
     "drives",
     "fastest",
     "fastest_plan",

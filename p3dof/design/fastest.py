@@ -9,16 +9,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, Progress, shown
-from p3dof._base.errors import InputError, SampleError, TaskError
+from p3dof._base.checks import FloatArray, Progress, require, shown
+from p3dof._base.errors import DriveError, InputError, SampleError, TaskError
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, percent, table_of
 from p3dof._base.time_series.times import sample_count
 from p3dof.closed_form import kinematics
+from p3dof.design.drives import Drive, Margins
+from p3dof.design.drives.sizing import Rating, force_ratings, speed_ratings
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import AxisLimits, FastestPlan, Path, Task, Waypoint
 from p3dof.design.tasks.fastest import fastest_law
 from p3dof.design.tasks.laws import PROFILES, Law, ProfileLaw, SmoothLaw, SpeedLaw
-from p3dof.design.tasks.limits import Demand, Way
+from p3dof.design.tasks.limits import Demand, Used, Way
 from p3dof.design.tasks.plan import Stretch, payloads, planned
 from p3dof.design.tasks.smooth import STARTS, LimitUse, jerk_limited_law, looked_at, uses_of
 from p3dof.design.tasks.task import MotionTask
@@ -28,6 +30,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
+_RPM, _WOUND = 30 / math.pi, 33  # rpm of rad/s; speeds at which what a winding gives is looked at
 _KEPT = 4  # so many rows of places are kept with their poses
 _BESIDE, _DIFFERENCE = 1e-7, 1e-3
 """Share of half a step by which third derivatives are taken off its ends, where they may jump; and of a way
@@ -154,6 +157,108 @@ def limits_of(robot: Manipulator, task: Task, **others: ArrayLike | None) -> Axi
     return AxisLimits(**(found | given))
 
 
+def drive_limits(
+    robot: Manipulator, drives: Drive | Sequence[Drive], margins: Margins | None = None
+) -> AxisLimits:
+    """Return the limits that drives set a plan, with their margins: those of `Sizing` that samples tell.
+
+    Peak torque over speed, as a curve of forces; the speeds of motor, gear, and screw or belt; the power of
+    the motor; and what nut, screw, belt or rack bear. Losses count with what passes through the drive, drag
+    always against the motor. What belongs to the whole cycle, as rms torque and heat, is left to
+    `p3dof.design.sizing.size_drives`.
+
+    Parameters
+    ----------
+    robot : Manipulator
+        The machine; where it has armatures, they are taken as those of the drives, which have their own.
+    drives : Drive or sequence of Drive
+        Of all axes, or of A, B and C.
+    margins : Margins, optional
+        What must stay free of each rating; as usual without it.
+
+    Raises
+    ------
+    InputError, DriveError
+        If an argument does not fit, or a drive has no torque left to move.
+    """
+    require("robot", robot, Manipulator)
+    each = [drives] * 3 if isinstance(drives, Drive) else list(drives)
+    if len(each) != 3 or not all(isinstance(drive, Drive) for drive in each):
+        raise InputError(f"drives: expected a Drive, or three of them, got {shown(drives)}")
+    free = Margins() if margins is None else margins
+    require("margins", free, Margins)
+    rotors = robot.parameters.actuators.rotors
+    speed = np.array([_most(drive, speed_ratings, free) / (_RPM * drive.ratio) for drive in each])
+    nut_force = [_most(drive, force_ratings, free) for drive in each]
+    power = [(1 - free.power) * drive.motor.max_power for drive in each]
+    grid = np.unique(np.concatenate([_speeds(drive) for drive in each]))
+    curve = np.array([np.column_stack([grid, _forces(drive, grid, free)]) for drive in each])
+    heavier = [drive.reflected_mass - own for drive, own in zip(each, rotors, strict=True)]
+    return AxisLimits(
+        curve[:, 0, 1],
+        speed,
+        power,
+        np.maximum(heavier, 0.0),
+        nut_force=nut_force,
+        curve=curve,
+        efficiency=[drive.gear.efficiency * drive.transmission.efficiency for drive in each],
+        efficiency_back=[
+            float(drive.gear.efficiency_back or 0.0) * float(drive.transmission.efficiency_back or 0.0)
+            for drive in each
+        ],
+    )
+
+
+def _most(drive: Drive, ratings: Callable[[Drive, float], list[Rating]], margins: Margins) -> float:
+    """Return the largest speed or force of which all ratings keep their margins; they are straight in it."""
+    pairs = zip(ratings(drive, 0.0), ratings(drive, 1.0), strict=True)
+    return min(
+        (
+            (one.allowed * (1 - margins.of(one.name)) - none.required) / (one.required - none.required)
+            for none, one in pairs
+        ),
+        default=math.inf,
+    )
+
+
+def _speeds(drive: Drive) -> FloatArray:
+    """Return slider speeds between which the peak torque is straight, or so near that it does not matter."""
+    points = np.asarray(drive.motor.curve)[:, 0]
+    if drive.motor.winding is not None:
+        points = np.union1d(points, np.linspace(0.0, drive.motor.max_speed, _WOUND))
+    return np.asarray(points[points <= drive.motor.max_speed] / drive.ratio)
+
+
+def _forces(drive: Drive, speed: FloatArray, margins: Margins) -> FloatArray:
+    """Return what a motor gives at slider speeds, less margin and drag; it does not rise [N]."""
+    slow, gear = drive.transmission, drive.gear
+    turning = np.minimum(speed * drive.ratio, drive.motor.max_speed)
+    drag = drive.motor.drag + slow.drag / (gear.ratio * gear.efficiency)
+    torque = (1 - margins.peak_torque) * drive.motor.peak(turning) - drag
+    most = (1 - margins.gear_torque) * gear.max_torque / (gear.ratio * gear.efficiency)
+    found = np.minimum.accumulate(np.minimum(torque, most - drag) * drive.ratio)
+    if found[0] <= 0:
+        raise DriveError(f"{drive.name}: its peak torque, less margin and drag, moves nothing")
+    return np.asarray(np.maximum(found, 0.0))
+
+
+def tighter(one: AxisLimits, other: AxisLimits) -> AxisLimits:
+    """Return limits that keep both; the larger of the reflected masses counts."""
+    least = {
+        name: np.minimum(getattr(one, name), getattr(other, name))
+        for name in ("force", "speed", "power", "jerk", "nut_force")
+    }
+    curves = [limits.curve for limits in (one, other) if limits.curve is not None]
+    if curves:
+        # Where two curves cross, the straight line between points of both is below them.
+        grid = np.unique(np.concatenate([rows[..., 0].ravel() for rows in curves]))
+        forces = [[np.interp(grid, *rows.T) for rows in axes] for axes in curves]
+        least["curve"] = np.stack([np.broadcast_to(grid, (3, len(grid))), np.min(forces, axis=0)], axis=-1)
+    for name in ("efficiency", "efficiency_back"):
+        least[name] = np.minimum(getattr(one, name), getattr(other, name))
+    return AxisLimits(reflected_mass=np.maximum(one.reflected_mass, other.reflected_mass), **least)
+
+
 class WayOfMachine:
     """What a path takes of the actuators of a machine."""
 
@@ -196,7 +301,8 @@ class WayOfMachine:
         added, geometry = self._bare.parameters.actuators, self._bare.parameters.geometry
         sliders = kinematics.inverse_kinematics(geometry, pose).sliders
         balance = added.balance_at_home(self._bare.parameters.gravity) - added.stiffness * sliders
-        return Demand(mass, bias, rest, rate, change, third, self._mass + added.inertia, balance)
+        own, turning = self._mass + added.inertia, self._mass + added.rotors
+        return Demand(mass, bias, rest, rate, change, third, own, balance, turning)
 
     def _at(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return poses and their derivatives at places, which are asked for again and again."""
@@ -278,20 +384,21 @@ def uses_of_task(
         return ()
     force = found.forces + limits.reflected_mass * found.slider_accelerations
     columns = {
-        "force": (np.abs(force), limits.force),
+        "force": (np.abs(force), limits.force_at(found.slider_velocities)),
         "speed": (np.abs(found.slider_velocities), limits.speed),
         "power": (force * found.slider_velocities, limits.power),
     }
     uses = []
-    for name, (values, allowed) in columns.items():
-        for k, row in enumerate(values.argmax(axis=0)):
-            own = getattr(machine, name, np.inf)
-            if allowed[k] == own and not (name == "force" and limits.reflected_mass[k]):
+    for name, (values, limit) in columns.items():
+        used, allowed = Used(name, values, limit).share, np.broadcast_to(limit, values.shape)
+        for k, row in enumerate(used.argmax(axis=0)):
+            own, most = getattr(machine, name, np.inf), float(allowed[row, k])
+            if most == own and not (name == "force" and limits.reflected_mass[k]):
                 continue
             time, value = float(found.time[row]), max(float(values[row, k]), 0.0)
             place = found.piece_at(time).name if isinstance(found, TaskForces) else ""
-            if np.isfinite(allowed[k]):
-                uses.append(LimitUse(name, LEGS[k], value, float(allowed[k]), time, place))
+            if np.isfinite(most):
+                uses.append(LimitUse(name, LEGS[k], value, most, time, place))
     return tuple(uses)
 
 

@@ -48,6 +48,7 @@ OPTIONS = r"""
 --designs | FILE | Table of designs
 --differencing | flag | Measure velocities as position differences
 --drive-stiffness | number | Stiffness of each drive
+--drive | NAME | Drive of the catalogue
 --drives | FILE | Catalogue of motors
 --drives-only | flag | Write drives.yaml only
 --drop-missing | flag | Leave out base samples with

@@ -33,7 +33,15 @@ from p3dof.design.drives.margins import (
 from p3dof.design.drives.motor import above_zero
 from p3dof.design.drives.nuts import NutLife, RequiredLife, nut_life, required_life
 from p3dof.design.drives.supply import DUTY, Supply, SupplyLoads, loads_of_supply
-from p3dof.design.drives.transmission import RACK_SAFETY, STATIC_SAFETY, USUAL_PRELOAD, Drive, Rack, Screw
+from p3dof.design.drives.transmission import (
+    RACK_SAFETY,
+    STATIC_SAFETY,
+    USUAL_PRELOAD,
+    Belt,
+    Drive,
+    Rack,
+    Screw,
+)
 from p3dof.machine.parameters import LEGS
 
 
@@ -404,37 +412,20 @@ class _Axis:
 
     def _of_teeth_and_nuts(self, nut: NutLife | None, life: RequiredLife | None) -> list[Rating]:
         """Return what the force on the slider uses of nut, belt or rack, and whether the nut lives."""
-        slow, hardest = self._drive.transmission, int(np.argmax(np.abs(self._force)))
-        force, when = float(np.abs(self._force[hardest])), float(self._time[hardest])
-        found = []
-        if isinstance(slow, Screw):
-            if slow.static is not None:
-                safety, told = slow.static_safety, ""
-                if safety is None:
-                    safety, told = STATIC_SAFETY, f"static safety {STATIC_SAFETY:g}, without impact"
-                found.append(Rating("static load", force, slow.static / safety, "N", when, assumed=told))
-            hours = math.nan
-            if life is not None and nut is not None:
-                hours = life.hours_of(self._cycle.duration, nut.turns * slow.lead)
-            if not math.isnan(hours) and nut is not None:
-                told = (
-                    "" if slow.preload is not None else f"preload {USUAL_PRELOAD:.0%} of the dynamic rating"
-                )
+        slow = self._drive.transmission
+        found = _of_teeth(slow, *self._hardest)
+        if isinstance(slow, Screw) and life is not None and nut is not None:
+            hours = life.hours_of(self._cycle.duration, nut.turns * slow.lead)
+            told = "" if slow.preload is not None else f"preload {USUAL_PRELOAD:.0%} of the dynamic rating"
+            if not math.isnan(hours):
                 found.append(Rating("life", hours, nut.hours, "h", assumed=told))
-            return found
-        if slow.max_force < math.inf:
-            rack = isinstance(slow, Rack)
-            usual = RACK_SAFETY if rack else 1.0
-            safety, told = slow.static_safety, ""
-            if safety is None:
-                safety, told = usual, f"static safety {usual:g}"
-            name = "rack force" if rack else "belt force"
-            found.append(Rating(name, force, slow.max_force / safety, "N", when, assumed=told))
-        if slow.pretension > 0:
-            found.append(Rating("pretension", force, slow.pretension, "N", when))
-        if slow.max_tension < math.inf:
-            found.append(Rating("belt tension", force + slow.pretension, slow.max_tension, "N", when))
         return found
+
+    @property
+    def _hardest(self) -> tuple[float, float]:
+        """Largest force on the slider [N], and when [s]."""
+        at = int(np.argmax(np.abs(self._force)))
+        return float(np.abs(self._force[at])), float(self._time[at])
 
     def _best_lead(self) -> float:
         """Return the way a turn with the least mean square of f / i + J i λ̈: i⁴ = <f²> / (J² <λ̈²>)."""
@@ -542,11 +533,10 @@ class _Axis:
 
     def _ratings(self, rms: float, rms_speed: float) -> list[Rating]:
         motor, gear = self._drive.motor, self._drive.gear
-        speed, when = self._fastest
         found = [
             *self._peak_torque(),
             Rating("rms torque", rms, float(self._continuous(np.array([rms_speed]))[0]), "N m"),
-            Rating("speed", speed, _RPM * motor.max_speed, "rpm", when),
+            *_of_motor_and_gear(self._drive, *self._fastest),
         ]
         for name, power, limit in (
             ("power", self.power, motor.max_power),
@@ -555,8 +545,6 @@ class _Axis:
             if limit < math.inf:
                 most = int(np.argmax(power))
                 found.append(Rating(name, max(float(power[most]), 0.0), limit, "W", float(self._time[most])))
-        if gear.max_speed < math.inf:
-            found.append(Rating("gear speed", speed, _RPM * gear.max_speed, "rpm", when))
         if gear.max_torque < math.inf:
             most = int(np.argmax(np.abs(self._screw_torque)))
             torque = float(np.abs(self._screw_torque[most]))
@@ -571,21 +559,10 @@ class _Axis:
 
     def _of_transmission(self) -> list[Rating]:
         """Return what is used of a screw or belt: each of its speeds by itself, and buckling."""
-        slow = self._drive.transmission
-        speed, when = self._fastest
-        turns = speed / self._drive.gear.ratio
-        found = []
-        if isinstance(slow, Screw):
-            found += _of_nut(slow, turns, when)
-        elif slow.max_speed < math.inf:
-            found.append(Rating("belt speed", turns, _RPM * slow.max_speed, "rpm", when))
-        if slow.critical_speed < math.inf:
-            found.append(Rating("critical speed", turns, _RPM * WHIRL * slow.critical_speed, "rpm", when))
-        if slow.buckling_force < math.inf:
-            hardest = int(np.argmax(np.abs(self._force)))
-            force, limit = float(np.abs(self._force[hardest])), BUCKLING * slow.buckling_force
-            found.append(Rating("buckling", force, limit, "N", float(self._time[hardest])))
-        return found
+        return [
+            *_of_turning(self._drive, *self._fastest),
+            *_of_buckling(self._drive.transmission, *self._hardest),
+        ]
 
     def _peak_torque(self) -> list[Rating]:
         """Return what is used of the peak torque where the motor is not too fast; nothing if it always is."""
@@ -598,6 +575,66 @@ class _Axis:
             worst = int(np.argmax(np.where(torque == 0, 0.0, torque / allowed)))
         time = float(self._time[rows[worst]])
         return [Rating("peak torque", float(torque[worst]), float(allowed[worst]), "N m", time)]
+
+
+def speed_ratings(drive: Drive, speed: float, when: float = math.nan) -> list[Rating]:
+    """Return what a speed of the motor [rpm] uses of every part of a drive."""
+    return [*_of_motor_and_gear(drive, speed, when), *_of_turning(drive, speed, when)]
+
+
+def force_ratings(drive: Drive, force: float, when: float = math.nan) -> list[Rating]:
+    """Return what a force on the slider [N] uses of nut, screw, belt or rack."""
+    slow = drive.transmission
+    return [*_of_teeth(slow, force, when), *_of_buckling(slow, force, when)]
+
+
+def _of_motor_and_gear(drive: Drive, speed: float, when: float) -> list[Rating]:
+    """Return what is used of the speeds of motor and gear."""
+    found = [Rating("speed", speed, _RPM * drive.motor.max_speed, "rpm", when)]
+    if drive.gear.max_speed < math.inf:
+        found.append(Rating("gear speed", speed, _RPM * drive.gear.max_speed, "rpm", when))
+    return found
+
+
+def _of_turning(drive: Drive, speed: float, when: float) -> list[Rating]:
+    """Return what a speed of the motor uses of screw or belt."""
+    slow, turns, found = drive.transmission, speed / drive.gear.ratio, []
+    if isinstance(slow, Screw):
+        found += _of_nut(slow, turns, when)
+    elif slow.max_speed < math.inf:
+        found.append(Rating("belt speed", turns, _RPM * slow.max_speed, "rpm", when))
+    if slow.critical_speed < math.inf:
+        found.append(Rating("critical speed", turns, _RPM * WHIRL * slow.critical_speed, "rpm", when))
+    return found
+
+
+def _of_buckling(slow: Screw | Belt, force: float, when: float) -> list[Rating]:
+    if slow.buckling_force == math.inf:
+        return []
+    return [Rating("buckling", force, BUCKLING * slow.buckling_force, "N", when)]
+
+
+def _of_teeth(slow: Screw | Belt, force: float, when: float) -> list[Rating]:
+    """Return what a force uses of nut, belt or rack."""
+    found, safety, told = [], slow.static_safety, ""
+    if isinstance(slow, Screw):
+        if slow.static is not None:
+            if safety is None:
+                safety, told = STATIC_SAFETY, f"static safety {STATIC_SAFETY:g}, without impact"
+            found.append(Rating("static load", force, slow.static / safety, "N", when, assumed=told))
+        return found
+    if slow.max_force < math.inf:
+        rack = isinstance(slow, Rack)
+        if safety is None:
+            safety = RACK_SAFETY if rack else 1.0
+            told = f"static safety {safety:g}"
+        name = "rack force" if rack else "belt force"
+        found.append(Rating(name, force, slow.max_force / safety, "N", when, assumed=told))
+    if slow.pretension > 0:
+        found.append(Rating("pretension", force, slow.pretension, "N", when))
+    if slow.max_tension < math.inf:
+        found.append(Rating("belt tension", force + slow.pretension, slow.max_tension, "N", when))
+    return found
 
 
 def _of_nut(screw: Screw, turns: float, when: float) -> list[Rating]:

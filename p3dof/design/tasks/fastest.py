@@ -12,9 +12,10 @@ D. Verscheure et al., IEEE Trans. Automatic Control 54 (2009) 2318: ṡ² as the
 
 Linear programs for the speed along a path: ṡ² and s̈ anywhere are linear in a few numbers of each step.
 
-Forces are linear in both, but for friction; power and jerk are not. A jerk is (λ''' ṡ² + 3 λ'' s̈ + λ' ds̈/ds)
-ṡ, so that its limit is one of something linear by a multiple of 1/√(ṡ²), which is convex: its tangent at a
-known speed lies below it, and what keeps the limit of the tangent keeps the limit. The same is true of power.
+Forces are linear in both, but for friction; power, jerk and a force that falls with the speed are not. A jerk
+is (λ''' ṡ² + 3 λ'' s̈ + λ' ds̈/ds) ṡ, so that its limit is one of something linear by a multiple of 1/√(ṡ²),
+which is convex: its tangent at a known speed lies below it, and what keeps the limit of the tangent keeps the
+limit. The same is true of power, and of what falls with the speed, since √(ṡ²) is concave.
 Programs one after the other, each at the speeds of the one before, come to a motion that keeps all limits.
 """
 
@@ -55,7 +56,9 @@ class Points:
         self.place = nodes[step] + share * self.size
         self.moving = (self.place > nodes[0]) & (self.place < nodes[-1])
         self.end = float(nodes[-1])
-        self.demand: Demand = way.demand(self.place, nodes[step] + self.size / 2)
+        found = way.demand(self.place, nodes[step] + self.size / 2)
+        turns = np.abs(found.rate) <= np.abs(found.change) * self.size[:, None]
+        self.demand: Demand = found._replace(turns=turns)
         self._way = way
 
     @staticmethod
@@ -78,8 +81,7 @@ class Points:
 
     def shares(self, law: PathLaw, limits: AxisLimits) -> FloatArray:
         """Return the largest share of any limit that a law uses at each point, (P,)."""
-        found = [one.value / one.limit for one in self.used(law, limits)]
-        return np.asarray(np.max(found, axis=(0, 2)))
+        return np.asarray(np.max([one.share for one in self.used(law, limits)], axis=(0, 2)))
 
 
 @dataclass
@@ -125,13 +127,16 @@ def rows_of(points: Points, shape: Shape, limits: AxisLimits, known: PathLaw | N
         force = found.mass[:, leg, None] * shape.change + bias[:, leg, None] * shape.square
         own = found.rate[:, leg, None] * shape.change + found.change[:, leg, None] * shape.square
         nut, held = force - found.own[leg] * own, rest[:, leg] + found.balance[:, leg]
+        motor = _at_motor(found, (force, own, rest[:, leg]), limits, leg)
+        for row, still in motor:
+            rows.add(row, limits.force[leg] - still, points.step)
         for sign in (1.0, -1.0):
-            rows.add(sign * force, limits.force[leg] - sign * rest[:, leg], points.step)
             rows.add(sign * nut, limits.nut_force[leg] - sign * held, points.step)
         speed = np.full(len(points.share), limits.speed[leg] ** 2)
         rows.add(found.rate[:, leg, None] ** 2 * shape.square, speed, points.step)
         if near is not None:
-            _add_power(rows, points, (force, shape.square, rest[:, leg]), near, limits, leg)
+            _add_power(rows, points, (*motor[0], shape.square), near, limits, leg)
+            _add_curve(rows, points, motor, shape.square, near, limits, leg)
             _add_jerk(rows, points, shape, near, limits, leg)
     return rows
 
@@ -143,24 +148,77 @@ def _friction(points: Points, near: FloatArray) -> tuple[FloatArray, FloatArray]
     return points.moving[:, None] * slope, points.moving[:, None] * points.friction(near)
 
 
+_Motor = list[tuple[FloatArray, FloatArray]]
+
+
+def _at_motor(
+    found: Demand, force: tuple[FloatArray, FloatArray, FloatArray], limits: AxisLimits, leg: int
+) -> _Motor:
+    """Return what the motor gives along the way and against it: rows (P, m) and what they have at rest (P,).
+
+    Along the way it is n / η + J λ̈ or n η_b + J λ̈, whichever is larger, with the force n at the nut; against
+    it, it is at most what it is without losses, which all together is convex. Where the slider turns round,
+    both directions count.
+    """
+    row, own, rest = force
+    way = np.where(found.rate[:, leg] < 0, -1.0, 1.0)
+    row, rest = way[:, None] * row, way * rest
+    passed = row - np.broadcast_to(found.turning, 3)[leg] * way[:, None] * own
+    more = [1 / limits.efficiency[leg] - 1, limits.efficiency_back[leg] - 1]
+    if not any(more):
+        return [(row, rest), (-row, -rest)]
+    along = [(row + share * passed, (1 + share) * rest) for share in more]
+    turns = np.broadcast_to(found.turns, found.rate.shape)[:, leg]
+    against = [(np.where(turns[:, None], -one, -row), np.where(turns, -still, -rest)) for one, still in along]
+    return [*along, *against]
+
+
 def _add_power(
     rows: Rows,
     points: Points,
-    force: tuple[FloatArray, FloatArray, FloatArray],
+    along: tuple[FloatArray, FloatArray, FloatArray],
     near: FloatArray,
     limits: AxisLimits,
     leg: int,
 ) -> None:
     """Add sign(λ') f <= P / |λ' ṡ|, of which the right side is linearised."""
-    row, square, rest = force
-    rate = points.demand.rate[:, leg]
+    row, rest, square = along
+    rate = np.abs(points.demand.rate[:, leg])
     with np.errstate(divide="ignore"):
-        allowed = limits.power[leg] / (np.abs(rate) * np.sqrt(near))
+        allowed = limits.power[leg] / (rate * np.sqrt(near))
     met = allowed < _FAR * limits.force[leg]
-    allowed, sign = np.where(met, allowed, np.inf), np.sign(rate)
     with np.errstate(invalid="ignore"):
-        whole = sign[:, None] * row + np.where(met, allowed / (2 * near), 0.0)[:, None] * square
-    rows.add(whole, 1.5 * allowed - sign * rest, points.step)
+        whole = row + np.where(met, allowed / (2 * near), 0.0)[:, None] * square
+    rows.add(whole, np.where(met, 1.5 * allowed - rest, np.inf), points.step)
+
+
+def _add_curve(
+    rows: Rows,
+    points: Points,
+    motor: _Motor,
+    square: FloatArray,
+    near: FloatArray,
+    limits: AxisLimits,
+    leg: int,
+) -> None:
+    """Add ±f <= F - k |λ' ṡ| for lines of the curve, of which the right side is linearised.
+
+    The lines are those that are nowhere below the curve, and the one that it has at the known speed.
+    """
+    if limits.curve is None:
+        return
+    rate, (speeds, forces) = np.abs(points.demand.rate[:, leg]), limits.curve[leg].T
+    falls = np.append(np.diff(forces) / np.diff(speeds), 0.0)
+    own = np.searchsorted(speeds, rate * np.sqrt(near), "right") - 1
+    above = forces - falls * speeds
+    looked = np.append(speeds[speeds < limits.speed[leg]], limits.speed[leg])
+    least = np.interp(looked, speeds, forces) * (1 - _CLOSE)
+    for k, (at_rest, fall) in enumerate(zip(above, falls, strict=True)):
+        everywhere = (at_rest + fall * looked >= least).all()
+        pace = fall * rate / (2 * np.sqrt(near))
+        bound = np.where((own == k) | everywhere, at_rest + pace * near, np.inf)
+        for row, rest in motor:
+            rows.add(row - pace[:, None] * square, bound - rest, points.step)
 
 
 def _add_jerk(
@@ -204,11 +262,12 @@ def require_standing(points: Points, limits: AxisLimits) -> None:
     """Raise where the machine needs more than its limit to stand still, or to creep against friction."""
     rest = points.demand.rest
     creeping = rest + points.moving[:, None] * points.friction(np.full(len(rest), _CREEP))
-    balance = points.demand.balance
+    lossy = np.where(creeping * points.demand.rate > 0, 1 / limits.efficiency, limits.efficiency_back)
+    balance, force = points.demand.balance, limits.force_at(np.zeros(3))
     needs = (
-        ("force", rest, limits.force, "stand still"),
+        ("force", rest, force, "stand still"),
         ("nut_force", rest + balance, limits.nut_force, "stand still"),
-        ("force", creeping, limits.force, "move, friction included, however slowly,"),
+        ("force", lossy * creeping, force, "move, friction included, however slowly,"),
         ("nut_force", creeping + balance, limits.nut_force, "move, friction included, however slowly,"),
     )
     for name, needed, most, what in needs:
@@ -245,7 +304,7 @@ _Law = TypeVar("_Law", bound=_Slowable)
 
 def fastest_law(nodes: FloatArray, way: Way, limits: AxisLimits) -> SpeedLaw:
     """Return how a path is covered in the least time, from rest to rest, whatever the jerk."""
-    curved = way.lossy or bool(np.isfinite(limits.power).any())
+    curved = way.lossy or not limits.straight
     law = None
     if curved and len(nodes) > 20 * _COARSE:  # what is not linear is nearly known from fewer steps
         few = np.append(nodes[:-1:_COARSE], nodes[-1])
@@ -260,7 +319,7 @@ def _programs(
     """Return a law by programs one after the other, with more points where it exceeds a limit."""
     count = len(nodes) - 1
     dense = Points.everywhere(nodes, DENSE, way)
-    curved = way.lossy or bool(np.isfinite(limits.power).any())
+    curved = way.lossy or not limits.straight
     step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
     points = Points(nodes, step, share, way)
     require_standing(points, limits)

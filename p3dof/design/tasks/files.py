@@ -163,17 +163,31 @@ def dump(task: Task) -> str:
 
 def _limits(data: Any, where: str) -> dict[str, Any]:
     """Return limits, each one number or those of A, B, C."""
-    data = read_fields(data, where, (), tuple(_LIMITS))
-    found = {}
+    data = read_fields(data, where, (), (*_LIMITS, "curve"))
+    found: dict[str, Any] = {}
     for name, value in data.items():
         place = f"{where}: {name}"
-        if isinstance(value, list):
+        if name == "curve":
+            found[name] = _curve(value, place)
+        elif isinstance(value, list):
             if len(value) != len(LEGS):
                 raise TaskError(f"{place}: expected a number, or those of A, B and C, got {shown(value)}")
             found[name] = [_LIMITS[name].read(one, f"{place}[{k}]") for k, one in enumerate(value)]
         else:
             found[name] = _LIMITS[name].read(value, place)
     return found
+
+
+def _curve(data: Any, where: str) -> list[Any]:
+    """Return rows of speed and force, or those of A, B and C."""
+    if not isinstance(data, list) or not all(isinstance(row, list) and row for row in data):
+        raise TaskError(f"{where}: expected rows of speed and force, or those of A, B and C")
+    if all(isinstance(rows[0], list) for rows in data):
+        return [_curve(rows, f"{where}[{k}]") for k, rows in enumerate(data)]
+    for k, row in enumerate(data):
+        if len(row) != 2:
+            raise TaskError(f"{where}[{k}]: expected speed and force, got {len(row)} values")
+    return [_row(row, (SPEED, FORCE), f"{where}[{k}]") for k, row in enumerate(data)]
 
 
 def _waypoint(data: Any, where: str) -> Waypoint:

@@ -12,6 +12,8 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.errors import TaskError
 
 _ENDLESS = ("power", "jerk", "nut_force")  # limits that there may be none of
+_FROM_ZERO = ("reflected_mass", "efficiency_back")
+_LEAST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,15 @@ class AxisLimits(Readable):
     nut_force : array-like, shape () or (3,)
         Largest force that the nuts pass on to the sliders [N]: without that on `reflected_mass`, armature and
         counterweights, and with what counterbalances bear; infinite by default.
+    curve : array-like, shape (N, 2) or (3, N, 2), optional
+        Largest force by slider speed, as a motor's torque by its speed: rows of speed and force [m/s, N], by
+        rising speed from 0, straight between them, of a force that does not rise; the last one holds beyond.
+        `force` and `speed` hold, too.
+    efficiency : array-like, shape () or (3,)
+        Share of each motor's work that its drive passes on to the nut; 1 by default. Force and power are then
+        those of the motor, losses included.
+    efficiency_back : array-like, shape () or (3,), optional
+        Share of the nut's work that comes back to the motor; 2 - 1/η without it, but not below zero.
 
     Raises
     ------
@@ -48,6 +59,9 @@ class AxisLimits(Readable):
     reflected_mass: FloatArray
     jerk: FloatArray
     nut_force: FloatArray
+    curve: FloatArray | None
+    efficiency: FloatArray
+    efficiency_back: FloatArray
 
     def __init__(
         self,
@@ -57,10 +71,30 @@ class AxisLimits(Readable):
         reflected_mass: ArrayLike = 0.0,
         jerk: ArrayLike = np.inf,
         nut_force: ArrayLike = np.inf,
+        curve: ArrayLike | None = None,
+        efficiency: ArrayLike = 1.0,
+        efficiency_back: ArrayLike | None = None,
     ) -> None:
         given = (force, speed, power, reflected_mass, jerk, nut_force)
-        for field, value in zip(fields(self), given, strict=True):
+        for field, value in zip(fields(self), given, strict=False):
             object.__setattr__(self, field.name, _three(field.name, value))
+        object.__setattr__(self, "curve", None if curve is None else _curve(curve))
+        forth = _three("efficiency", efficiency)
+        back = np.maximum(2 - 1 / forth, 0.0) if efficiency_back is None else efficiency_back
+        object.__setattr__(self, "efficiency", forth)
+        object.__setattr__(self, "efficiency_back", _three("efficiency_back", back))
+
+    @property
+    def straight(self) -> bool:
+        """Whether no limit is one of power or of a force that falls with the speed: these are not linear."""
+        return self.curve is None and not np.isfinite(self.power).any()
+
+    def force_at(self, speed: FloatArray) -> FloatArray:
+        """Return the largest force at slider speeds (..., 3), in (..., 3) or (3,) [N]."""
+        if self.curve is None:
+            return self.force
+        found = [np.interp(np.abs(speed[..., k]), *rows.T) for k, rows in enumerate(self.curve)]
+        return np.asarray(np.minimum(np.stack(found, axis=-1), self.force))
 
 
 def _three(name: str, value: ArrayLike) -> FloatArray:
@@ -75,12 +109,25 @@ def _three(name: str, value: ArrayLike) -> FloatArray:
             endless = np.isposinf(given)
             value = np.where(endless, 1.0, given)
     numbers = np.broadcast_to(frozen_array(name, value, (3,) if np.ndim(value) else (), TaskError), 3).copy()
-    least = "zero or more" if name == "reflected_mass" else "above zero"
-    if (numbers < 0).any() or (name != "reflected_mass" and (numbers == 0).any()):
+    least = "zero or more" if name in _FROM_ZERO else "above zero"
+    if (numbers < 0).any() or (name not in _FROM_ZERO and (numbers == 0).any()):
         raise TaskError(f"{name}: expected {least}, got {numbers.min():g}")
+    if name.startswith("efficiency") and (numbers > 1).any():
+        raise TaskError(f"{name}: expected at most 1, got {numbers.max():g}")
     numbers[np.broadcast_to(endless, 3)] = np.inf
     numbers.setflags(write=False)
     return numbers
+
+
+def _curve(value: ArrayLike) -> FloatArray:
+    """Return the rows of speed and force of A, B and C, (3, N, 2), or raise TaskError."""
+    shape = (3, "N", 2) if np.ndim(value) == 3 else ("N", 2)
+    rows = frozen_array("curve", value, shape, TaskError)
+    if rows.shape[-2] < 2 or rows[..., 0, 0].any() or (np.diff(rows[..., 0]) <= 0).any():
+        raise TaskError("curve: expected rows of speed and force by rising speed from 0, two at least")
+    if (rows[..., 1] < 0).any() or (rows[..., 0, 1] == 0).any() or (np.diff(rows[..., 1]) > 0).any():
+        raise TaskError("curve: expected forces above zero at standstill, which do not rise with the speed")
+    return frozen_array("curve", np.broadcast_to(rows, (3, *rows.shape[-2:])), (3, "N", 2), TaskError)
 
 
 class Demand(NamedTuple):
@@ -96,6 +143,8 @@ class Demand(NamedTuple):
     """(3,): what the drives and counterweights add to the mass of each slider, in `mass` and `bias` too
     [kg]."""
     balance: FloatArray  # (P, 3): what balances push the sliders up with, less in `rest` [N]
+    turning: FloatArray | float = 0.0  # (3,): of `own`, what turns with the motors: drives and armature [kg]
+    turns: NDArray[np.bool_] | bool = False  # (P, 3): whether a slider may turn round near a point
 
 
 class Way(Protocol):
@@ -117,7 +166,14 @@ class Used(NamedTuple):
 
     quantity: str  # what is limited
     value: FloatArray  # (P, 3): of A, B, C
-    limit: FloatArray  # (3,): the largest that is allowed; infinite for none
+    limit: FloatArray  # (3,) or (P, 3): the largest that is allowed; infinite for none
+
+    @property
+    def share(self) -> FloatArray:
+        """Value by limit, (P, 3); where a curve leaves no force at all, by a billionth of its largest."""
+        if self.limit.ndim == 1:
+            return self.value / self.limit
+        return np.asarray(self.value / np.maximum(self.limit, _LEAST * self.limit.max(axis=0)))
 
 
 def used_of(
@@ -129,12 +185,18 @@ def used_of(
     force = demand.mass * change + demand.bias * square + demand.rest + friction
     speed = demand.rate * pace
     acceleration = demand.rate * change + demand.change * square
+    nut = force - demand.own * acceleration + demand.balance
+    passed = force - demand.turning * acceleration
+    forth, back = (force + (share - 1) * passed for share in (1 / limits.efficiency, limits.efficiency_back))
+    either = np.where(np.abs(forth) > np.abs(back), forth, back)
+    lossy = np.where(demand.turns, either, np.where(passed * speed > 0, forth, back))
+    force = np.where(speed == 0, force, lossy)
     jerk = (demand.third * square + 3 * demand.change * change + demand.rate * rise) * pace
     every = [
-        Used("force", np.abs(force), limits.force),
+        Used("force", np.abs(force), limits.force_at(speed)),
         Used("speed", np.abs(speed), limits.speed),
         Used("power", force * speed, limits.power),
         Used("jerk", np.abs(jerk), limits.jerk),
-        Used("nut force", np.abs(force - demand.own * acceleration + demand.balance), limits.nut_force),
+        Used("nut force", np.abs(nut), limits.nut_force),
     ]
     return [used for used in every if np.isfinite(used.limit).any()]

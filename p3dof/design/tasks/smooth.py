@@ -134,6 +134,7 @@ class EasedWay:
             found.third * rate**3 + 3 * found.change * rate * bend + found.rate * third,
             found.own,
             found.balance,
+            found.turning,
         )
 
     def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
@@ -271,12 +272,12 @@ def uses_of(ways: Sequence[Looked]) -> tuple[LimitUse, ...]:
     found = []
     for k, first in enumerate(ways[0].used):
         for leg, name in enumerate(LEGS):
-            if not np.isfinite(first.limit[leg]):
+            if not np.isfinite(first.limit[..., leg]).all():
                 continue
-            peaks = [float(one.used[k].value[:, leg].max()) for one in ways]
-            worst = int(np.argmax(peaks))
-            at = int(ways[worst].used[k].value[:, leg].argmax())
-            when = float(ways[worst].time[at])
-            limit = float(first.limit[leg])
-            found.append(LimitUse(first.quantity, name, peaks[worst], limit, when, ways[worst].name))
+            shares = [one.used[k].share[:, leg] for one in ways]
+            worst = int(np.argmax([share.max() for share in shares]))
+            at, way = int(shares[worst].argmax()), ways[worst]
+            value = float(way.used[k].value[at, leg])
+            limit = float(np.broadcast_to(way.used[k].limit, way.used[k].value.shape)[at, leg])
+            found.append(LimitUse(first.quantity, name, value, limit, float(way.time[at]), way.name))
     return tuple(found)

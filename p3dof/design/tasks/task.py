@@ -290,7 +290,7 @@ def _checked_limits(given: Mapping[str, Any]) -> Mapping[str, Any]:
         checked = AxisLimits(**({"force": 1.0, "speed": 1.0} | dict(given)))
     except TaskError as error:
         raise TaskError(f"limits: {error}") from error
-    rows = {name: getattr(checked, name).tolist() for name in given}
+    rows = {name: getattr(checked, name).tolist() for name in given if given[name] is not None}
     return MappingProxyType(
-        {name: row[0] if len(set(row)) == 1 else tuple(row) for name, row in rows.items()}
+        {name: row[0] if all(one == row[0] for one in row) else tuple(row) for name, row in rows.items()}
     )
