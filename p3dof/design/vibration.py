@@ -10,11 +10,12 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import (
     FloatArray,
@@ -30,9 +31,9 @@ from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
-from p3dof.design.tasks import Plan
+from p3dof.design.tasks import Piece, Plan
 from p3dof.design.tasks.laws import Law
-from p3dof.design.tasks.plan import planned
+from p3dof.design.tasks.plan import JUMP, planned
 from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
 
@@ -42,6 +43,8 @@ KINDS = {"zv": (1.0, 1.0), "zvd": (1.0, 2.0, 1.0)}
 
 _PRECISE = {"rtol": 1e-11, "atol": 1e-14}
 _NEWTON, _SETTLED = 50, 1e-13
+_DEGREE = 5
+_BEFORE = 4  # least number of samples from which a spline goes on to a jump
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,11 +303,10 @@ def motor_references(found: TaskForces, drive_stiffness: ArrayLike) -> MotorRefe
     k = _stiffness(drive_stiffness, rigid=True)
     if not found.possible:
         raise InputError("found: expected forces at every sample of the task")
-    curves = _curves(found, k)
-    times = [result.time for result in found.results]
-    both = [(curve(time), curve(time, 1)) for curve, time in zip(curves, times, strict=True)]
-    positions, velocities = (np.concatenate(part) for part in zip(*both, strict=True))
-    return MotorReferences(found.time, positions, velocities)
+    curves = _references(found, k)
+    positions = [result.sliders + result.nut_forces / k for result in found.results]
+    velocities = [curve.rates(result.time) for curve, result in zip(curves, found.results, strict=True)]
+    return MotorReferences(found.time, np.concatenate(positions), np.concatenate(velocities))
 
 
 def residual_energies(
@@ -317,8 +319,10 @@ def residual_energies(
     """Return the energy of the vibration that is left at the end of each way [J]; ndarray, shape (W,).
 
     The whole nonlinear machine hangs on a spring between each motor and slider, begins at rest, and is
-    integrated in time by `scipy.integrate.solve_ivp` (DOP853) while the motors follow their references. The
-    energy is kinetic and potential, to second order about where the machine comes to rest.
+    integrated in time by `scipy.integrate.solve_ivp` (DOP853) while the motors follow their references,
+    jumps included; at rest they hold the machine. The energy is kinetic and potential, to second order about
+    where the machine comes to rest. With the true stiffness assumed it is that of the splines between the
+    samples, which begin anew wherever a force may bend: next to nothing unless the acceleration jumps.
 
     Parameters
     ----------
@@ -344,18 +348,18 @@ def residual_energies(
     k = _stiffness(drive_stiffness)
     if not found.possible:
         raise InputError("found: expected forces at every sample of the task")
-    curves = _curves(found, _stiffness(np.inf if assumed is None else assumed, rigid=True))
+    believed = _stiffness(np.inf if assumed is None else assumed, rigid=True)
+    curves = _references(found, believed)
     machines = [_on_springs(machine) for machine in machines_of(robot, found.plan)]
     ways, energies = _ways(found.plan), []
     for done, way in enumerate(ways, 1):
         parts = [
-            _ElasticPiece(machine, piece.wrench, k, curve, piece.motion.time[[0, -1]])
-            for machine, piece, curve in zip(machines[way], found.plan.pieces[way], curves[way], strict=True)
+            _ElasticPiece(machine, piece, k, believed)
+            for machine, piece in zip(machines[way], found.plan.pieces[way], strict=True)
         ]
-        pose = parts[0].rest(0, found.plan.pieces[way.start].motion.pose[0])
-        state = np.append(pose, np.zeros(3))
-        for part in parts:
-            state = part.after(state)
+        state = np.append(parts[0].rest(0), np.zeros(3))
+        for part, curve in zip(parts, curves[way], strict=True):
+            state = part.after(state, curve)
         energies.append(parts[-1].energy(state))
         if progress is not None:
             progress(done, len(ways))
@@ -365,30 +369,33 @@ def residual_energies(
 class _ElasticPiece:
     """A piece of a plan, done by the machine on springs."""
 
-    def __init__(
-        self, machine: Manipulator, wrench: FloatArray, k: FloatArray, motors: Any, ends: FloatArray
-    ) -> None:
-        self._machine, self._wrench, self._k = machine, wrench, k
-        self._motors, self._ends = motors, ends
+    def __init__(self, machine: Manipulator, piece: Piece, k: FloatArray, believed: FloatArray) -> None:
+        self._machine, self._piece, self._wrench = machine, piece, piece.wrench
+        self._k, self._believed = k, believed
 
-    def after(self, state: FloatArray) -> FloatArray:
+    def after(self, state: FloatArray, motors: _Reference) -> FloatArray:
         """Return pose and velocity at the end of the piece."""
         from scipy.integrate import solve_ivp
 
-        def rate(time: float, now: FloatArray) -> FloatArray:
+        def rate(time: float, now: FloatArray, spline: Any) -> FloatArray:
             pose, velocity = now[:3], now[3:]
-            forces = self._k * (self._motors(time) - self._machine.sliders(pose))
+            forces = self._k * (spline(time) - self._machine.sliders(pose))
             change = self._machine.forward_dynamics(
                 pose, velocity, forces, wrench=self._wrench, method="compiled"
             )
             return np.append(velocity, change)
 
-        run = solve_ivp(rate, self._ends, state, method="DOP853", **_PRECISE)
-        return np.asarray(run.y[:, -1])
+        for ends, spline in zip(pairwise(motors.ends), motors.splines, strict=True):
+            run = solve_ivp(rate, ends, state, method="DOP853", args=(spline,), **_PRECISE)
+            state = np.asarray(run.y[:, -1])
+        return state
 
-    def rest(self, end: int, pose: FloatArray) -> FloatArray:
-        """Return where the machine is at rest, with motors as at the beginning (0) or the end (-1)."""
-        motors, none = self._motors(self._ends[end]), np.zeros(3)
+    def rest(self, end: int) -> FloatArray:
+        """Return where the machine is at rest while its motors hold it at the beginning (0) or end (-1)."""
+        none = np.zeros(3)
+        pose: FloatArray = self._piece.motion.pose[end]
+        held = self._machine.forces(pose, none, none, wrench=self._wrench, method="compiled")
+        motors = self._machine.sliders(pose) + held / self._believed
         for _ in range(_NEWTON):
             found = self._machine.force_derivatives(pose, none, none, wrench=self._wrench)
             error = found.forces - self._k * (motors - self._machine.sliders(pose))
@@ -401,7 +408,7 @@ class _ElasticPiece:
     def energy(self, state: FloatArray) -> float:
         """Return the energy above that at rest [J]."""
         pose, velocity = state[:3], state[3:]
-        rest = self.rest(-1, pose)
+        rest = self.rest(-1)
         off = pose - rest
         stiffness = self._machine.jacobian(rest).T @ self._slope(rest)
         mass = self._machine.mass_matrix(rest)
@@ -414,14 +421,50 @@ class _ElasticPiece:
         return holding.by_pose + self._k[:, None] * self._machine.jacobian(pose)
 
 
-def _curves(found: TaskForces, k: FloatArray) -> list[Any]:
-    """Return the references of the motors over each piece, as splines through its samples."""
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """Where the motors have to be over a piece: splines that meet where a force or its rate may jump."""
+
+    ends: FloatArray  # (S + 1,): when each begins, and the last ends [s]
+    splines: list[Any]
+
+    def rates(self, time: FloatArray) -> FloatArray:
+        """Return velocities at times (N,), of what begins where two splines meet; ndarray, (N, 3) [m/s]."""
+        part = np.clip(np.searchsorted(self.ends, time, "right") - 1, 0, len(self.splines) - 1)
+        found = np.empty((len(time), len(LEGS)))
+        for one in np.unique(part):
+            found[part == one] = self.splines[one](time[part == one], 1)
+        return found
+
+
+def _references(found: TaskForces, k: FloatArray) -> list[_Reference]:
+    """Return where the motors have to be over each piece, by the samples.
+
+    Across a bend a spline would be wrong by the cube of the distance of samples, so none goes across. Where
+    the acceleration jumps, a sample has what begins there: the spline before goes on to it from the others.
+    """
     from scipy.interpolate import make_interp_spline
 
-    return [
-        make_interp_spline(one.time, one.sliders + one.nut_forces / k, 5 if len(one.time) > 5 else 1)
-        for one in found.results
-    ]
+    jumps, bends = (np.zeros(0),) * 2 if found.plan.source is None else found.plan.source.bends()
+    references = []
+    for one in found.results:
+        time, where = one.time, one.sliders + one.nut_forces / k
+        ends = np.union1d([0, len(time) - 1], _rows(time, bends))
+        sudden, splines = _rows(time, jumps), []
+        for first, last in pairwise(ends.tolist()):
+            alone = last in sudden and last - first > _BEFORE
+            rows = slice(first, last if alone else last + 1)
+            degree = min(_DEGREE, rows.stop - rows.start - 1)
+            splines.append(make_interp_spline(time[rows], where[rows], degree))
+        references.append(_Reference(time[ends], splines))
+    return references
+
+
+def _rows(time: FloatArray, instants: FloatArray) -> NDArray[np.intp]:
+    """Return which of the samples at times (N,) are those at instants (K,) that they comprise."""
+    close = JUMP * (time[-1] - time[0])
+    within = instants[(instants > time[0] - close) & (instants < time[-1] + close)]
+    return np.asarray(np.searchsorted((time[1:] + time[:-1]) / 2, within))
 
 
 def _ways(plan: Plan) -> list[slice]:

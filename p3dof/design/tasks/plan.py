@@ -41,6 +41,20 @@ class Source:
     carrying: Body | None
     stretches: tuple[Stretch, ...]
 
+    def bends(self) -> tuple[FloatArray, FloatArray]:
+        """Return when accelerations jump, and when they or their rates may [s].
+
+        Of a law that jumps, the many small steps of its rate are left out.
+        """
+        jumps: list[FloatArray] = [np.zeros(0)]
+        bends: list[FloatArray] = [np.zeros(0)]
+        for begin, stretch in _begun(self.waypoints, self.stretches):
+            law = stretch.law
+            jumps.append(begin + law.jumps)
+            own = law.jumps if len(law.jumps) else law.kinks
+            bends += [begin + own, begin + law.when(stretch.path.breaks)]
+        return np.unique(np.concatenate(jumps)), np.unique(np.concatenate(bends))
+
 
 @dataclass(frozen=True, eq=False)
 class Piece(Readable):
