@@ -11,8 +11,9 @@ import click
 import numpy as np
 from rich.console import Console
 
+from p3dof._base.checks import LARGEST, SMALLEST, shown
 from p3dof._base.errors import ParameterError
-from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, Quantity
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, STIFFNESS, Quantity
 from p3dof.cli.files import STREAM, InputFile, source
 from p3dof.cli.kinds import options
 from p3dof.cli.output import print_plain
@@ -24,8 +25,8 @@ from p3dof.manipulator import Manipulator, load
 class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
     """One number for all sliders, or three for A, B and C; units may follow each."""
 
-    def __init__(self, quantity: Quantity) -> None:
-        self._quantity = quantity
+    def __init__(self, quantity: Quantity, positive: bool = False) -> None:
+        self._quantity, self._positive = quantity, positive
         self.name = "NUMBER[,B,C]"
 
     def convert(
@@ -39,6 +40,8 @@ class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
             numbers = [self._quantity.read(part, str(param.opts[0] if param else value)) for part in parts]
         except ParameterError as error:
             self.fail(str(error), param, ctx)
+        if self._positive and not all(SMALLEST <= number <= LARGEST for number in numbers):
+            self.fail(f"expected positive numbers, got {shown(value)}", param, ctx)
         return dict(zip(SLIDES, numbers * (len(SLIDES) // len(numbers)), strict=True))
 
 
@@ -118,6 +121,11 @@ _ARMATURE = _of_actuators(
 _BALANCE = _of_actuators("counterbalance", FORCE, "Counterbalance force on the sliders at home, upward [N]")
 PARAMETERS = options(_PARAMETERS, _ARMATURE, _BALANCE, _ANY_SIZE)
 """The parameter file, and what else `machine_of` is told of the machine."""
+DRIVE_STIFFNESS = click.option(
+    "--drive-stiffness",
+    type=BySlide(STIFFNESS, positive=True),
+    help="Stiffness of each drive from motor to slider [N/m], such as '20 N/um': one number, or A,B,C.",
+)
 PAYLOAD = click.option(
     "--payload",
     type=Payload(),

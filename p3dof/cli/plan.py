@@ -8,17 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
-from p3dof._base.checks import meant, shown
+from p3dof._base.checks import FloatArray, meant, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import together, write_table
 from p3dof._base.quantities import FORCE, JERK, POWER, SPEED
+from p3dof._base.tables import Table
 from p3dof.cli.app import app
 from p3dof.cli.case import METHOD
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import DURATION, FIGURE, Amount, Number, Whole, as_one
-from p3dof.cli.machine import PARAMETERS, machine_of
-from p3dof.cli.output import print_plain, print_written, progress_bar, show
+from p3dof.cli.machine import DRIVE_STIFFNESS, PARAMETERS, machine_of
+from p3dof.cli.output import in_options, print_plain, print_written, progress_bar, show
 from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
 from p3dof.design.clearance import clearance_of, clearance_table
 from p3dof.design.drives import GENERIC, Catalogue, ratings_table, read_catalogue, verdict
@@ -36,10 +38,20 @@ from p3dof.design.fastest import (
     tighter,
     within_limits,
 )
-from p3dof.design.forces_of_tasks import forces_of_task, limits_table, pieces_table
+from p3dof.design.forces_of_tasks import TaskForces, forces_of_task, limits_table, pieces_table
 from p3dof.design.sizing import size_drives
 from p3dof.design.tasks import FastestPlan, Plan, Task, read_task, write_task
 from p3dof.design.tasks.task import MotionTask
+from p3dof.design.vibration import (
+    KINDS,
+    Kind,
+    modes_table,
+    motor_references,
+    shaped,
+    shapers_of,
+    swings_of,
+    swings_table,
+)
 from p3dof.machine.motion import Motion, WrenchHistory
 from p3dof.manipulator import Manipulator
 from p3dof.methods import Method
@@ -70,6 +82,18 @@ _OPTIONS = (
         type=OutputFile("table"),
         help="File to write forces, power and payload over the task to (CSV).",
     ),
+    click.option(
+        "--shape",
+        type=click.Choice(tuple(KINDS)),
+        help="Shape the motion so that it leaves little vibration at the stops, by the frequencies on "
+        "drives of --drive-stiffness: two impulses (zv), or three, which bear wrong frequencies (zvd).",
+    ),
+    DRIVE_STIFFNESS,
+    click.option(
+        "--motors-out",
+        type=OutputFile("table"),
+        help="File to write motor references of elastic drives to (CSV); with --drive-stiffness.",
+    ),
     SURROUNDINGS,
     CLEARANCE,
     FIGURE,
@@ -87,6 +111,9 @@ class _Asked:
     out: Path | None
     wrench_out: Path | None
     forces_out: Path | None
+    shape: Kind | None
+    drive_stiffness: dict[str, float] | None  # of each drive [N/m]
+    motors_out: Path | None
     surroundings: Path | None
     clearance: float | None  # least distance of all parts [m]
     figure: Path | None
@@ -100,7 +127,10 @@ class _Asked:
         """
         if self.task_out is not None and not self.better_path:
             raise InputError("--task-out: expected with --best-path only")
-        outputs = self.out, self.wrench_out, self.forces_out, self.figure, self.task_out
+        for option, value in (("--shape", self.shape), ("--motors-out", self.motors_out)):
+            if value is not None and self.drive_stiffness is None:
+                raise InputError(f"{option}: expected with --drive-stiffness, that of motors and screws")
+        outputs = self.out, self.wrench_out, self.forces_out, self.figure, self.task_out, self.motors_out
         protect((self.task_file, self.parameters, self.surroundings), outputs)
         file = self.task_file
         task: Task
@@ -121,30 +151,25 @@ class _Asked:
         A catalogue of one drive says by which the plan was made: it is sized.
         """
         out = self.out
-        planned = made.plan if isinstance(made, BestPath) else made
-        load = planned.wrench
+        given = made.plan if isinstance(made, BestPath) else made
+        planned = self._shaped(robot, given)
         with progress_bar("forces", len(planned.pieces)) as progress:
             found = forces_of_task(robot, planned, self.method, progress)
-        with together():
-            others = [] if self.forces_out is None else [found.to_csv(self.forces_out)]
-            if self.wrench_out is not None and load is not None:
-                others.append(_write_load(load, self.wrench_out))
-            written = write_results(
-                planned.motion.to_csv, out, self.figure, lambda plots: plots.task_figure(found)
-            )
-            written += others
-            if self.task_out is not None and isinstance(made, BestPath):
-                write_task(made.decided, self.task_out)
-                written.append(self.task_out)
+        plain = found if planned is given else forces_of_task(robot, given, self.method)
+        elastic = self._elastic(robot, plain, found)
+        written = self._written(found, made)
         console = console_beside(out)
         machine, own = robot.parameters.limits, None
-        if task.limits and not isinstance(planned, FastestPlan):
+        if isinstance(given, FastestPlan):
+            own = None if planned is given else given.limits
+        elif task.limits:
             own = limits_of(robot, task)
         tables = [pieces_table(found), sizing_table(found, machine, own)]
         if isinstance(planned, FastestPlan):
             tables.append(limits_table(planned))
         if isinstance(made, BestPath):
             tables.append(best_path_table(made))
+        tables += elastic
         near = None
         if self.surroundings is not None or self.clearance is not None:
             around = surroundings_in(self.surroundings)
@@ -167,8 +192,49 @@ class _Asked:
                 f"{out} has no payloads: commands that read it as --motion omit them; those that read the "
                 "task include them (report, size, balance, reactions --task, bearings --task)",
             )
-        kept = within_limits(found, machine, own) and (near is None or near.fits)
-        return 0 if kept and (sizing is None or sizing.fits) else 1
+        kept = within_limits(found, machine, own)
+        if not kept and planned is not given and within_limits(plain, machine, own):
+            print_plain(console, "the shaped motion exceeds limits that the plain one keeps")
+        return 0 if kept and (near is None or near.fits) and (sizing is None or sizing.fits) else 1
+
+    def _written(self, found: TaskForces, made: Plan | BestPath) -> list[Path]:
+        """Write the files that are asked for."""
+        load = found.plan.wrench
+        with together():
+            others = [] if self.forces_out is None else [found.to_csv(self.forces_out)]
+            if self.wrench_out is not None and load is not None:
+                others.append(_write_load(load, self.wrench_out))
+            if self.motors_out is not None:
+                others.append(motor_references(found, self._stiffness).to_csv(self.motors_out))
+            written = write_results(
+                found.plan.motion.to_csv, self.out, self.figure, lambda plots: plots.task_figure(found)
+            )
+            written += others
+            if self.task_out is not None and isinstance(made, BestPath):
+                write_task(made.decided, self.task_out)
+                written.append(self.task_out)
+        return written
+
+    @property
+    def _stiffness(self) -> FloatArray:
+        return np.array(list((self.drive_stiffness or {}).values()))
+
+    def _shaped(self, robot: Manipulator, plan: Plan) -> Plan:
+        """Return a plan with the shape that is asked for."""
+        if self.shape is None:
+            return plan
+        with in_options({"drive_stiffness": "--drive-stiffness"}):
+            return shaped(plan, shapers_of(robot, plan, self._stiffness, self.shape), self.samples)
+
+    def _elastic(self, robot: Manipulator, plain: TaskForces, found: TaskForces) -> list[Table]:
+        """Return the tables of the machine on elastic drives, if their stiffness is known."""
+        if self.drive_stiffness is None:
+            return []
+        k = self._stiffness
+        with in_options({"drive_stiffness": "--drive-stiffness"}), progress_bar("vibration", 5) as progress:
+            modes = modes_table(robot, plain.plan, found.plan, k)
+            swings = swings_of(robot, plain, found, k, self.shape, progress)
+        return [modes, swings_table(swings, found.plan)]
 
 
 _with_task = as_one("asked", _Asked, *_OPTIONS)

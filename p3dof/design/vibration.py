@@ -6,6 +6,7 @@ Syst. Meas. Control 112 (1990) 76. The parameter of each way is shaped, not the 
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,10 +30,12 @@ from p3dof._base.checks import (
 )
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import write_table
+from p3dof._base.tables import NONE, Table, number, percent
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.design.tasks import Piece, Plan
 from p3dof.design.tasks.laws import Law
+from p3dof.design.tasks.paths import SampledPath
 from p3dof.design.tasks.plan import JUMP, planned
 from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
@@ -41,7 +44,7 @@ Kind = Literal["zv", "zvd"]
 KINDS = {"zv": (1.0, 1.0), "zvd": (1.0, 2.0, 1.0)}
 """How many times each power of K an impulse has: a binomial."""
 
-_PRECISE = {"rtol": 1e-11, "atol": 1e-14}
+_PRECISE = {"rtol": 1e-10, "atol": 1e-13}
 _NEWTON, _SETTLED = 50, 1e-13
 _DEGREE = 5
 _BEFORE = 4  # least number of samples from which a spline goes on to a jump
@@ -200,6 +203,10 @@ def shaped(plan: Plan, shapers: Shaper | Sequence[Shaper], samples: int = 1001) 
     if source is None:
         raise InputError("plan: expected what Task.plan or fastest_plan returns")
     ways = source.stretches
+    if any(isinstance(way.path, SampledPath) for way in ways):
+        raise InputError(
+            "plan: expected that of a task; the path of a motion goes by its time, in part"
+        )
     each = [shapers] * len(ways) if isinstance(shapers, Shaper) else list(shapers)
     if len(each) != len(ways) or not all(isinstance(one, Shaper) for one in each):
         raise InputError(f"shapers: expected one, or one for each of {len(ways)} ways, got {shown(shapers)}")
@@ -232,18 +239,27 @@ def shapers_of(
     InputError
         If an argument does not fit, or the machine is not stable on such drives.
     """
+    modes = modes_of(robot, plan, drive_stiffness)
+    return tuple(shaper(kind, frequencies) for frequencies in _shaped_at(modes).tolist())
+
+
+def modes_of(robot: Manipulator, plan: Plan, drive_stiffness: ArrayLike) -> FloatArray:
+    """Return natural frequencies of the machine on elastic drives, their mean over each way, (W, 3) [Hz]."""
     require("plan", plan, Plan)
     k = _stiffness(drive_stiffness)
-    found = []
-    machines = machines_of(robot, plan)
+    machines, found = machines_of(robot, plan), []
     for way in _ways(plan):
         poses = np.concatenate([piece.motion.pose for piece in plan.pieces[way]])
         own = _on_springs(machines[way.start])
-        modes = own.indices(poses, drive_stiffness=k, rods=None).frequency.mean(axis=0)
-        if not np.isfinite(modes).all():
+        found.append(own.indices(poses, drive_stiffness=k, rods=None).frequency.mean(axis=0))
+        if not np.isfinite(found[-1]).all():
             raise InputError("drive_stiffness: expected drives on which the machine is stable")
-        found.append(shaper(kind, [modes[0], modes[1:].mean()]))
-    return tuple(found)
+    return np.array(found)
+
+
+def _shaped_at(modes: FloatArray) -> FloatArray:
+    """Return the frequencies of shapers for modes (W, 3), (W, 2): the lowest, the mean of the others [Hz]."""
+    return np.column_stack([modes[:, 0], modes[:, 1:].mean(axis=1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,6 +382,82 @@ def residual_energies(
     return np.array(energies)
 
 
+@dataclass(frozen=True)
+class Swing:
+    """The vibration that a motion leaves at the worst of its stops."""
+
+    motion: str  # "plain", or its shape
+    motors: str  # what they follow
+    stiffness: str  # of the drives in truth
+    duration: float  # of the motion [s]
+    energy: float  # that is left [J]
+    stop: str  # where
+
+
+_ERROR = 0.2  # of the stiffness
+
+
+def swings_of(
+    robot: Manipulator,
+    plain: TaskForces,
+    found: TaskForces,
+    drive_stiffness: ArrayLike,
+    shape: Kind | None = None,
+    progress: Progress | None = None,
+) -> tuple[Swing, ...]:
+    """Return what motions leave: the plain one, a shaped one, and that with motor references, k wrong too."""
+    k = _stiffness(drive_stiffness)
+    name = "plain" if shape is None else shape.upper()
+    cases: list[tuple[str, TaskForces, float, FloatArray | None]] = [("plain", plain, 1.0, None)]
+    cases += [] if shape is None else [(name, found, 1.0, None)]
+    cases += [(name, found, true, k) for true in (1.0, 1 - _ERROR, 1 + _ERROR)]
+    words = {1.0: "as given", 1 - _ERROR: f"{_ERROR:.0%} less", 1 + _ERROR: f"{_ERROR:.0%} more"}
+    swings = []
+    for done, (motion, forces, true, assumed) in enumerate(cases, 1):
+        left = residual_energies(robot, forces, true * k, assumed)
+        worst = int(left.argmax())
+        stop = forces.plan.pieces[_ways(forces.plan)[worst].stop - 1].last
+        motors = "sliders" if assumed is None else "references"
+        swings.append(Swing(motion, motors, words[true], forces.plan.duration, float(left[worst]), stop))
+        if progress is not None:
+            progress(done, len(cases))
+    return tuple(swings)
+
+
+def swings_table(swings: Sequence[Swing], plan: Plan) -> Table:
+    """Return the vibration that motions leave, the first one's being the whole."""
+    header = ("motion", "motors follow", "stiffness", "duration [s]", "energy left [J]", "swing", "at")
+    rows = []
+    for one in swings:
+        share = math.sqrt(one.energy / swings[0].energy) if swings[0].energy else math.nan
+        energy = f"{one.energy:.3g}" if one.energy >= _LEAST else f"< {_LEAST:g}"
+        swing = NONE if math.isnan(share) else percent(share) if share >= _SEEN else f"< {_SEEN:.1%}"
+        rows.append((one.motion, one.motors, one.stiffness, number(one.duration), energy, swing, one.stop))
+    note = "Swing: by the amplitude of the first row, the root of the energies; at the worst stop."
+    if plan.source is not None and len(plan.source.bends()[0]):
+        note += " Motor references jump where accelerations do, as no drive can: limit the jerk."
+    return Table("Vibration left at the stops", header, tuple(rows), note)
+
+
+_SEEN, _LEAST = 0.001, 1e-12  # share of a swing, and its energy [J], below which it is none
+
+
+def modes_table(robot: Manipulator, plain: Plan, plan: Plan, drive_stiffness: ArrayLike) -> Table:
+    """Return the natural frequencies of each way, at which a shaped plan was shaped, and the durations."""
+    modes = modes_of(robot, plain, drive_stiffness)
+    rows = []
+    for own, used, one, other in zip(modes, _shaped_at(modes), _ways(plain), _ways(plan), strict=True):
+        former, latter = plain.pieces[one], plan.pieces[other]
+        before, after = (
+            float(each[-1].motion.time[-1] - each[0].motion.time[0]) for each in (former, latter)
+        )
+        new = (NONE, NONE) if plan is plain else (", ".join(f"{f:.4g}" for f in used), number(after))
+        frequencies = (f"{frequency:.4g}" for frequency in own)
+        rows.append((f"{former[0].first} → {former[-1].last}", *frequencies, number(before), *new))
+    header = ("way", *(f"mode {k} [Hz]" for k in (1, 2, 3)), "duration [s]", "shaped at [Hz]", "takes [s]")
+    return Table("Natural frequencies on elastic drives", header, tuple(rows))
+
+
 class _ElasticPiece:
     """A piece of a plan, done by the machine on springs."""
 
@@ -395,6 +487,8 @@ class _ElasticPiece:
         none = np.zeros(3)
         pose: FloatArray = self._piece.motion.pose[end]
         held = self._machine.forces(pose, none, none, wrench=self._wrench, method="compiled")
+        if np.abs(held / self._k).max() > self._machine.parameters.geometry.L:
+            raise InputError(f"drive_stiffness: expected drives that hold the machine, got {self._k} N/m")
         motors = self._machine.sliders(pose) + held / self._believed
         for _ in range(_NEWTON):
             found = self._machine.force_derivatives(pose, none, none, wrench=self._wrench)
@@ -410,15 +504,15 @@ class _ElasticPiece:
         pose, velocity = state[:3], state[3:]
         rest = self.rest(-1)
         off = pose - rest
-        stiffness = self._machine.jacobian(rest).T @ self._slope(rest)
-        mass = self._machine.mass_matrix(rest)
+        stiffness = self._machine.jacobian(rest, method="compiled").T @ self._slope(rest)
+        mass = self._machine.mass_matrix(rest, method="compiled")
         return float(off @ stiffness @ off + velocity @ mass @ velocity) / 2
 
     def _slope(self, pose: FloatArray) -> FloatArray:
         """Return the derivative of holding forces less those of the springs by the pose, (3, 3)."""
         none = np.zeros(3)
         holding = self._machine.force_derivatives(pose, none, none, wrench=self._wrench)
-        return holding.by_pose + self._k[:, None] * self._machine.jacobian(pose)
+        return holding.by_pose + self._k[:, None] * self._machine.jacobian(pose, method="compiled")
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,7 @@ OPTIONS = r"""
 --delay | number | Delay from a measurement to
 --designs | FILE | Table of designs
 --differencing | flag | Measure velocities as position differences
---drive-stiffness | number | Stiffness of each drive
+--drive-stiffness | NUMBER[,B,C] | Stiffness of each drive
 --drive | NAME | Drive of the catalogue
 --drives | FILE | Catalogue of motors
 --drives-only | flag | Write drives.yaml only
@@ -112,6 +112,7 @@ OPTIONS = r"""
 --method | choice | (Method of inverse|Forward|Dynamics by)
 --motion | FILE | Motion (file (\(|of the glb)|of the actuated joints)
 --motions | whole number | Motions that are evaluated
+--motors-out | FILE | File to write motor references
 --multipliers | flag | Also write the closure forces
 --nodes | whole number | Grid intervals between two stops
 --noise | number | Standard deviations of measured positions
@@ -124,7 +125,7 @@ OPTIONS = r"""
 --once | flag | With --meshcat: play once
 --only | choice | Draw only this figure
 --open | flag | Open the user's browser
---out | FOLDER / FILE | (?!Task|Film|Picture|Report to write,? on|File to write (fo|the ex)).*to write
+--out | FOLDER / FILE | (?!Task|Film|Picture|Report to write,? on|File to write (fo|mo|the ex)).*to write
 --package-dir | FILE | Folder of the packages
 --page | flag | For developers: the WebAssembly
 --paper-motion | flag | Draw and check the path
@@ -162,6 +163,7 @@ OPTIONS = r"""
 --seed | whole number | Seed of the random numbers
 --serial | number | Margin from serial singularities
 --set | JOINT=VALUE | Position of an actuated joint
+--shape | choice | Shape the motion so
 --shapes | flag | Show the shapes of the
 --sigma | NAME=VALUE | Standard deviation of a parameter
 --simulate | number | Simulate the robot from rest

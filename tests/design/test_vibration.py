@@ -1,13 +1,16 @@
 """Shaped motions and motor references: impulses, modes by quadrature, and the whole machine on springs."""
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from command_line import run
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import brentq
+from table_numbers import check_table, shows
 
 import p3dof
 from p3dof import InputError, Task, Waypoint
@@ -23,7 +26,7 @@ from p3dof.design import (
     shapers_of,
 )
 from p3dof.design.tasks.laws import ProfileLaw, quintic, s_curve
-from p3dof.design.vibration import ShapedLaw
+from p3dof.design.vibration import ShapedLaw, modes_table, swings_of, swings_table
 from p3dof.machine import Body
 
 PART = Body(3.0, [0, 0, -0.04], np.zeros((3, 3)))
@@ -301,6 +304,55 @@ def test_a_motion_in_the_least_time_is_shaped_too(robot):
         shaped(plan, [own, own])
 
 
+@shows("p3dof.design.vibration.swings_table", "p3dof.design.vibration.modes_table")
+def test_the_tables_have_what_machine_and_energies_have(robot):
+    task = Task([*LINE.waypoints, LINE.waypoints[0]], carrying=PART)
+    plan = task.plan(0.7, 51)
+    k = np.array([2e5, 3e5, 2.5e5])
+    shapers = shapers_of(robot, plan, k, "zv")
+    given, found = forces_of_task(robot, plan), forces_of_task(robot, shaped(plan, shapers))
+    machine = p3dof.Manipulator(robot.parameters.carrying(PART))
+    rows = {}
+    for piece, one in zip(plan.pieces, shapers, strict=True):
+        modes = []
+        for pose in piece.motion.pose:
+            mass, springs, gravity = linear(machine, pose, k)
+            stiffness = springs + (gravity + gravity.T) / 2
+            modes.append(np.sqrt(eigh(stiffness, mass, eigvals_only=True)) / (2 * math.pi))
+        first, second, third = np.array(modes).mean(axis=0)
+        time = 0.35 + 1 / (2 * first) + 1 / (second + third)
+        assert one.duration == pytest.approx(time - 0.35, rel=1e-6)
+        used = (first, (second + third) / 2)
+        rows[piece.name] = (first, second, third, 0.35, used, time)
+    table = modes_table(robot, plan, found.plan, k)
+    check_table(table, rows, header=[1, 2, 3])
+    plain = modes_table(robot, plan, plan, k)
+    assert [row[:5] for row in plain.rows] == [row[:5] for row in table.rows]
+    assert all(row[5:] == ("–", "–") for row in plain.rows)
+
+    swings = swings_of(robot, given, found, k, "zv")
+    cases = (
+        ("plain", "sliders", "as given", given, 1.0, None),
+        ("ZV", "sliders", "as given", found, 1.0, None),
+        ("ZV", "references", "as given", found, 1.0, k),
+        ("ZV", "references", "20% less", found, 0.8, k),
+        ("ZV", "references", "20% more", found, 1.2, k),
+    )
+    rows, whole = [], None
+    for motion, motors, words, forces, share_of_k, assumed in cases:
+        left = residual_energies(robot, forces, share_of_k * k, assumed)
+        whole = left.max() if whole is None else whole
+        stop, swing = forces.plan.pieces[int(left.argmax())].last, math.sqrt(left.max() / whole)
+        seen = ("< 1e-12", "< 0.1%") if assumed is k and share_of_k == 1 else (left.max(), swing)
+        rows.append((motion, motors, words, forces.plan.duration, *seen, stop))
+    check_table(swings_table(swings, found.plan), rows)
+    alone = swings_of(robot, given, given, k)
+    rest = cases[:1] + cases[2:]
+    assert [(one.motion, one.motors, one.stiffness) for one in alone] == [("plain", *c[1:3]) for c in rest]
+    assert alone[0] == swings[0]
+    assert alone[3].energy == residual_energies(robot, given, 1.2 * k, k).max()
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -330,3 +382,80 @@ def test_what_does_not_fit_is_one_clear_line(call, words):
     with pytest.raises(InputError, match=words) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+FILE = """
+name: line
+carrying: {mass: 3 kg, com: [0, 0, -40 mm], inertia: [0, 0, 0]}
+waypoints:
+  - {name: pick, pose: [-150 mm, 25 mm, -15 deg]}
+  - {name: place, pose: [150 mm, 25 mm, 15 deg]}
+"""
+
+
+@pytest.fixture
+def line(tmp_path):
+    (tmp_path / "line.yaml").write_text(FILE, encoding="utf-8")
+    return tmp_path / "line.yaml"
+
+
+def test_a_planned_task_is_shaped_and_its_motors_led(robot, plain, line, capsys):
+    files = [line.with_name(name) for name in ("motion.csv", "motors.csv")]
+    given = "--duration", 0.3, "--drive-stiffness", "0.2 N/um", "--shape", "zvd", "--samples", 301
+    code, told, _ = run(capsys, "plan", line, *given, "--out", files[0], "--motors-out", files[1])
+    assert code == 0
+    same = p3dof.read_task(line).plan(0.3, 301)
+    plan = shaped(same, shapers_of(robot, same, SPRING), 301)
+    found = motor_references(forces_of_task(robot, plan), SPRING)
+    rows = np.loadtxt(files[1], delimiter=",", skiprows=1)
+    assert rows[:, :4] == pytest.approx(np.column_stack([found.time, found.positions]), abs=1e-15)
+    assert rows[:, 4:] == pytest.approx(found.velocities, abs=1e-10)  # roundings by the time between samples
+    motion = p3dof.Motion.from_csv(files[0])
+    assert motion.duration == pytest.approx(plan.duration, abs=1e-12)
+    assert "Natural frequencies on elastic drives" in told
+    assert f"{plan.duration:.6g}" in told
+    energy = residual_energies(robot, plain, SPRING)[0]
+    first = next(row for row in told.splitlines() if "plain" in row)
+    assert [f"{energy:.3g}", "100.0%"] == [cell.strip() for cell in first.split("│")[5:7]]
+    assert "exceeds" not in told
+
+
+def test_a_motion_file_is_not_shaped(line, capsys):
+    p3dof.paper_motion(101).to_csv(line.with_name("motion.csv"))
+    given = "--max-force", 400, "--nodes", 20, "--samples", 51, "--drive-stiffness", 2e5
+    code, _, err = run(capsys, "fastest", line.with_name("motion.csv"), *given, "--shape", "zv")
+    assert code == 2
+    assert "plan: expected that of a task" in err
+
+
+def test_a_shape_that_exceeds_the_limits_of_the_fastest_motion_is_said(line, capsys):
+    given = "--max-force", 400, "--nodes", 40, "--samples", 101
+    drives = "--drive-stiffness", "2e5,2e5,250 N/mm"
+    code, told, _ = run(capsys, "fastest", line, *given, *drives, "--shape", "zv")
+    assert code == 1
+    assert "the shaped motion exceeds limits that the plain one keeps" in told
+    assert "Motor references jump where accelerations do" in told
+    assert "Limits of the time-optimal motion" not in told
+    assert re.search(r"force A \[N\] .* 400 +task +10\d\.\d%", told)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--shape", "zv"), "--shape: expected with --drive-stiffness"),
+        (("--motors-out", "m.csv"), "--motors-out: expected with --drive-stiffness"),
+        (("--shape", "ei", "--drive-stiffness", 1), "'--shape': 'ei' is not one of 'zv', 'zvd'"),
+        (("--drive-stiffness", 0), "'--drive-stiffness': expected positive numbers, got '0'"),
+        (("--drive-stiffness", "1,2"), "'--drive-stiffness': expected one number, or three"),
+        (("--drive-stiffness", "3 mm"), "expected a stiffness, a number in N/m"),
+        (
+            ("--drive-stiffness", 1),
+            "--drive-stiffness: expected drives that hold the machine, got [1. 1. 1.] N/m",
+        ),
+    ],
+)
+def test_options_that_do_not_fit_are_one_clear_line(line, capsys, options, words):
+    code, out, err = run(capsys, "plan", line, "--duration", 0.3, "--samples", 11, *options)
+    assert (code, out) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
