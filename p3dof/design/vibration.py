@@ -204,9 +204,7 @@ def shaped(plan: Plan, shapers: Shaper | Sequence[Shaper], samples: int = 1001) 
         raise InputError("plan: expected what Task.plan or fastest_plan returns")
     ways = source.stretches
     if any(isinstance(way.path, SampledPath) for way in ways):
-        raise InputError(
-            "plan: expected that of a task; the path of a motion goes by its time, in part"
-        )
+        raise InputError("plan: expected that of a task; the path of a motion goes by its time, in part")
     each = [shapers] * len(ways) if isinstance(shapers, Shaper) else list(shapers)
     if len(each) != len(ways) or not all(isinstance(one, Shaper) for one in each):
         raise InputError(f"shapers: expected one, or one for each of {len(ways)} ways, got {shown(shapers)}")
