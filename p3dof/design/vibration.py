@@ -35,8 +35,8 @@ from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.design.tasks import Piece, Plan
 from p3dof.design.tasks.laws import Law
-from p3dof.design.tasks.paths import SampledPath
-from p3dof.design.tasks.plan import JUMP, planned
+from p3dof.design.tasks.paths import LengthPath, SampledPath
+from p3dof.design.tasks.plan import JUMP, Stretch, planned
 from p3dof.machine.parameters import LEGS
 from p3dof.manipulator import Manipulator
 
@@ -203,14 +203,39 @@ def shaped(plan: Plan, shapers: Shaper | Sequence[Shaper], samples: int = 1001) 
     if source is None:
         raise InputError("plan: expected what Task.plan or fastest_plan returns")
     ways = source.stretches
-    if any(isinstance(way.path, SampledPath) for way in ways):
-        raise InputError("plan: expected that of a task; the path of a motion goes by its time, in part")
     each = [shapers] * len(ways) if isinstance(shapers, Shaper) else list(shapers)
     if len(each) != len(ways) or not all(isinstance(one, Shaper) for one in each):
         raise InputError(f"shapers: expected one, or one for each of {len(ways)} ways, got {shown(shapers)}")
-    own = [replace(way, law=ShapedLaw(way.law, one)) for way, one in zip(ways, each, strict=True)]
+    along = [_by_length(way) for way in ways]
+    own = [replace(way, law=ShapedLaw(way.law, one)) for way, one in zip(along, each, strict=True)]
     count = sample_count(samples, least=2)
     return planned(source.waypoints, plan.waypoints, source.carrying, own, count, plan.name)
+
+
+class _LengthLaw:
+    """A law along a path by its length, of one by its parameter."""
+
+    def __init__(self, law: Law, path: LengthPath) -> None:
+        self._law, self._path = law, path
+        self.duration, self.kinks, self.jumps = law.duration, law.kinks, law.jumps
+
+    def at(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the length and its first two derivatives by time, at times (N,) [s]."""
+        place, speed, change = self._law.at(time)
+        length, rate, bend = self._path.lengths(place)
+        return length, rate * speed, bend * speed**2 + rate * change
+
+    def when(self, parameter: FloatArray) -> FloatArray:
+        """Return when lengths (K,), those of the ends, are reached [s]."""
+        return np.where(parameter > 0, self.duration, 0.0)
+
+
+def _by_length(way: Stretch) -> Stretch:
+    """Return a way by its length: impulses of the time of a motion would not add up to rest."""
+    if not isinstance(way.path, SampledPath):
+        return way
+    path = LengthPath(way.path)
+    return replace(way, path=path, law=_LengthLaw(way.law, path))
 
 
 def shapers_of(

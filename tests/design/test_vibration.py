@@ -26,6 +26,7 @@ from p3dof.design import (
     shapers_of,
 )
 from p3dof.design.tasks.laws import ProfileLaw, quintic, s_curve
+from p3dof.design.tasks.paths import LengthPath, SampledPath
 from p3dof.design.vibration import ShapedLaw, modes_table, swings_of, swings_table
 from p3dof.machine import Body
 
@@ -420,12 +421,26 @@ def test_a_planned_task_is_shaped_and_its_motors_led(robot, plain, line, capsys)
     assert "exceeds" not in told
 
 
-def test_a_motion_file_is_not_shaped(line, capsys):
-    p3dof.paper_motion(101).to_csv(line.with_name("motion.csv"))
-    given = "--max-force", 400, "--nodes", 20, "--samples", 51, "--drive-stiffness", 2e5
-    code, _, err = run(capsys, "fastest", line.with_name("motion.csv"), *given, "--shape", "zv")
-    assert code == 2
-    assert "plan: expected that of a task" in err
+def test_the_path_of_a_motion_is_shaped_by_its_length(robot):
+    """Of a line the shaped poses are the impulses' sum of the plain ones; of a curve they stay on it."""
+    motion = LINE.plan(0.3, 201).motion
+    plan = fastest_plan(robot, motion, AxisLimits(400.0, 2.0, jerk=500.0), nodes=30)
+    own = shaper("zvd", 30.0)
+    found = shaped(plan, own)
+    law, path = plan.source.stretches[0].law, plan.source.stretches[0].path
+    time = found.motion.time
+    wanted = sum(
+        part * path.at(law.at(np.clip(time - start, 0, law.duration))[0])[0]
+        for start, part in zip(own.times, own.shares, strict=True)
+    )
+    assert found.motion.pose == pytest.approx(wanted, abs=1e-9)
+
+    way = LengthPath(SampledPath(Task(BLENDS, path="spline").plan(0.5).motion, 0.1))
+    places, step = np.linspace(0.05, 0.95, 40) * way.end, 1e-6
+    before, here, after = (way.at(places + shift) for shift in (-step, 0.0, step))
+    assert np.linalg.norm(here[1] * [1, 1, 0.1], axis=1) == pytest.approx(1.0, abs=1e-6)
+    for k in (0, 1):
+        assert (after[k] - before[k]) / (2 * step) == pytest.approx(here[k + 1], rel=1e-6, abs=1e-6)
 
 
 def test_a_shape_that_exceeds_the_limits_of_the_fastest_motion_is_said(line, capsys):

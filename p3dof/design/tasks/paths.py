@@ -351,7 +351,7 @@ class SampledPath(Path):
     """
 
     def __init__(self, motion: Motion, length: float) -> None:
-        metric = np.array([1.0, 1.0, length])
+        metric = self.metric = np.array([1.0, 1.0, length])
         time, poses = motion.time, motion.pose
         steps = np.linalg.norm(np.diff(poses, axis=0) * metric, axis=1)
         _require_near(time, steps)
@@ -372,6 +372,43 @@ class SampledPath(Path):
                 f"the path through the poses does not go as the velocity at {time[int(off.argmax())]:g} s: "
                 "expected closer samples"
             )
+
+
+class LengthPath(Path):
+    """The way of a `SampledPath` by its length."""
+
+    def __init__(self, path: SampledPath) -> None:
+        from scipy.interpolate import make_interp_spline
+
+        self._path, self._turn = path, None
+        self._places: FloatArray = np.linspace(0.0, path.end, _LOOKS, dtype=np.float64)
+        rate = np.linalg.norm(path.at(self._places)[1] * path.metric, axis=1)
+        if rate.min() < _SHARP * rate.max():
+            raise TaskError("the path of the motion turns too sharply to go along it by its length")
+        self._rate = make_interp_spline(self._places, rate, 5)
+        self._length = self._rate.antiderivative()
+        self._lengths = self._length(self._places)
+        self.end = float(self._lengths[-1])
+        self.at_waypoints = self.breaks = np.array([0.0, self.end])
+
+    def lengths(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the length at parameters (N,) of the path, and its first two derivatives by them."""
+        return self._length(place), self._rate(place), self._rate(place, 1)
+
+    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the pose and its first two derivatives by the length, at lengths (N,), (N, 3) each."""
+        place = np.interp(parameter, self._lengths, self._places)
+        for _ in range(_NEWTON):
+            place = np.clip(
+                place + (parameter - self._length(place)) / self._rate(place), 0.0, self._path.end
+            )
+        pose, slope, bend = self._path.at(place)
+        _, rate, change = (part[:, None] for part in self.lengths(place))
+        return pose, slope / rate, (bend - slope * change / rate) / rate**2
+
+
+_LOOKS, _SHARP, _NEWTON = 4001, 1e-3, 4
+"""Places at which lengths are found, the least share of the rate of length, and steps to the place of one."""
 
 
 def _require_near(time: FloatArray, steps: FloatArray) -> None:
