@@ -33,11 +33,15 @@ NEXT = {
     "compare --parameters machine.yaml --motion motion.csv": "actuator forces of the motion, by both methods",
     "plan task.yaml --parameters machine.yaml": "motion of the task, and utilisation of the limits",
     "size task.yaml --parameters machine.yaml --drives drives.yaml": "motors and screws that fit the task",
+    "bearings bearings.yaml --task task.yaml --parameters machine.yaml": "lives of bearings and guides",
 }
 """Commands to go on with, and what each computes."""
 
 _MM, _DEG = 1e-3, math.pi / 180
-_ORIGIN = "# The numbers are typical of their size, and of no maker.\n"
+_ORIGIN = """\
+# The numbers are typical of their size, and of no maker. Load ratings of nuts: of three turns of balls, they
+# grow with number and diameter of the balls by ISO 281 and ISO 76, and are rounded down to 0.5 kN.
+"""
 
 
 @app.command()
@@ -52,7 +56,7 @@ _ORIGIN = "# The numbers are typical of their size, and of no maker.\n"
 @click.option("--drives-only", is_flag=True, help="Write drives.yaml only.")
 @click.option("--force", is_flag=True, help="Overwrite existing files.")
 def init(folder: Path, catalogue_file: Path | None, drives_only: bool, force: bool) -> int:
-    """Write a commented machine.yaml, motion.csv, task.yaml and drives.yaml to start from.
+    """Write a commented machine.yaml, motion.csv, task.yaml, drives.yaml and bearings.yaml to start from.
 
     They are written to FOLDER, by default the current one: all of them, or none if one exists already.
     """
@@ -81,6 +85,7 @@ def starting_files(drives: Catalogue = GENERIC) -> dict[str, str]:
     fills = {
         "machine.yaml": _numbers(SOLIDS),
         "task.yaml": {},
+        "bearings.yaml": {},
         "drives.yaml": {"origin": _ORIGIN if drives is GENERIC else "", "parts": dump(drives)},
     }
     folder = files("p3dof.cli") / "templates"

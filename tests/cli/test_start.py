@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -20,9 +21,10 @@ import p3dof
 from p3dof._base.errors import ModelWarning
 from p3dof.cli import start
 from p3dof.cli.start import NEXT, starting_files
+from p3dof.design.bearings import read_bearings
 from p3dof.design.drives import GENERIC, read_catalogue
 
-FILES = ["drives.yaml", "machine.yaml", "motion.csv", "task.yaml"]
+FILES = ["bearings.yaml", "drives.yaml", "machine.yaml", "motion.csv", "task.yaml"]
 
 
 @pytest.fixture
@@ -38,11 +40,17 @@ def test_init_prints_commands_that_work_on_its_files(started, capsys, monkeypatc
     monkeypatch.setenv("COLUMNS", "200")
     told = re.findall(r"^  p3dof (.*)", run(capsys, "init", "--force")[1], re.MULTILINE)
     assert told == list(NEXT)
-    assert len(told) == 3
+    assert len(told) == 4
+    said = {}
     for command in told:
-        code, out, err = run(capsys, *command.split())
+        code, said[command.split()[0]], err = run(capsys, *command.split())
         assert (code, err) == (0, ""), command
-    assert " fits with " in out
+    assert " fits with " in said["size"]
+    for rating in ("DN [mm rpm]", "static load [N]", "L10 [h]", "static safety"):
+        assert rating in said["size"]
+    for kind in ("slide_a", "hinge_a", "loop_c"):
+        (line,) = (row for row in said["bearings"].splitlines() if "generic" in row and f" {kind} " in row)
+        assert "> 100,000" in line
     report = "report task.yaml --parameters machine.yaml --drives drives.yaml --no-animation"
     assert run(capsys, *report.split())[0] == 0
     assert (started / "out" / "report.html").is_file()
@@ -68,6 +76,27 @@ def test_the_files_hold_the_packages_own_numbers():
         assert found.inertia == pytest.approx(screw.inertia, rel=1e-14)
     motion, paper = p3dof.Motion.from_csv("motion.csv"), p3dof.paper_motion(41)
     np.testing.assert_allclose(motion.pose, paper.pose, rtol=5e-6, atol=1e-14)
+
+
+def test_generic_bearings_are_those_of_their_size():
+    """A 6000 with seven balls of 3/16 inch by ISO 281 and ISO 76; similar rails of 15, 20 and 23 mm."""
+    text = starting_files()["bearings.yaml"]
+    hinges = read_bearings(io.StringIO(text)).hinges
+    assert (hinges.X, hinges.Y, hinges.e) == (0.56, 2.30, 0.19)  # ISO 281, f0 Fa / C0 = 0.172
+    balls, ball, ratio = 7, 4.762, 4.762 / 18
+    within = (1 + (1.04 * ((1 - ratio) / (1 + ratio)) ** 1.72) ** (10 / 3)) ** -0.3
+    fc = 39.9 * within * ratio**0.3 * (1 - ratio) ** 1.39 / (1 + ratio) ** (1 / 3) * 26**0.41
+    assert 0.9 < hinges.dynamic / (1.3 * fc * balls ** (2 / 3) * ball**1.8) < 1
+    assert 0.9 < hinges.static / (12.3 * balls * ball**2) < 1
+    rows = re.findall(r"\{name: generic \d\d, .*\}", text)
+    guides = [read_bearings(io.StringIO(f"guides: {row}")).guides for row in rows]
+    assert [guide.name for guide in guides] == ["generic 15", "generic 20", "generic 25"]
+    for guide, width in zip(guides, (15, 20, 23), strict=True):
+        assert 0.9 < guide.dynamic / (44 * width**2) < 1.05
+        assert 1.3 < guide.static / guide.dynamic < 1.6
+        across, along = (share * width * guide.dynamic / 1e3 for share in (0.35, 0.45))
+        for moment, exact in zip(guide.moments, (across, across, along), strict=True):
+            assert 0 <= exact - moment < 5
 
 
 def test_every_number_of_a_file_to_start_from_has_a_unit_or_a_remark():
@@ -104,7 +133,7 @@ def test_init_writes_all_files_or_none(tmp_path, capsys):
     assert code == 2
     assert "drives.yaml" in err
     assert own.read_text() == "mine again"
-    assert len(before) == 3
+    assert len(before) == 4
 
 
 def finding(out, name):

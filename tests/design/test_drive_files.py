@@ -564,6 +564,31 @@ def test_generic_screws_have_sizes_of_the_standard_and_roots_as_makers_have():
         assert 0.93 * root < found[key] < 0.98 * root
 
 
+RATINGS = {
+    (16, 5): (7310, 13310), (20, 5): (8520, 17670), (25, 5): (9770, 23140), (16, 16): (6800, 13850),
+    (20, 20): (7600, 17300), (20, 10): (11300, 26600), (25, 10): (12600, 33700), (32, 10): (38500, 108900),
+}  # fmt: skip
+"""C_a and C_0a of that maker's nuts [N]: five with as many balls as the generic ones, others with more."""
+
+
+def test_load_ratings_of_generic_nuts_are_those_of_thrust_bearings_and_below_a_makers():
+    """ISO 281: C_a as Z^(2/3) D_w^1.8; ISO 76: C_0a as Z D_w²; with the cosine of the lead angle."""
+    found, exact = {}, {}
+    for screw in GENERIC.transmissions:
+        size, lead = (float(number) for number in screw.name.removeprefix("generic ").split("x"))
+        ball, cosine = BALLS[size], math.pi * size / math.hypot(math.pi * size, lead)
+        count = math.pi * size / ball
+        exact[size, lead] = (count ** (2 / 3) * ball**1.8 * cosine, count * ball**2 * cosine)
+        found[size, lead] = (screw.dynamic, screw.static)
+    for k, factor in ((0, 300 / math.pi ** (2 / 3)), (1, 250 / math.pi)):
+        for key, rating in found.items():
+            assert rating[k] % 500 == 0
+            assert 0 <= factor * exact[key][k] - rating[k] < 500
+    for number, (key, ratings) in enumerate(RATINGS.items()):
+        for mine, makers in zip(found[key], ratings, strict=True):
+            assert (0.84 if number < 5 else 0.3) * makers < mine < makers
+
+
 # --- writing ------------------------------------------------------------------------------------------------
 
 

@@ -415,7 +415,9 @@ def test_generic_sizes_are_those_of_the_documentation():
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if "|" in line
     ]
-    motors, screws = ({row[0]: row[1:] for row in rows if len(row) == size} for size in (5, 3))
+    rows = [row for row in rows if len(row) == 5]
+    motors = {row[0]: row[1:] for row in rows if row[0].endswith("W")}
+    screws = {row[0]: row[1:] for row in rows if row[0].isdigit()}
     for motor in GENERIC.motors:
         name = motor.name.removeprefix("generic ")
         rated, peak, fastest, rotor = map(float, motors.pop(name))
@@ -425,15 +427,18 @@ def test_generic_sizes_are_those_of_the_documentation():
         np.testing.assert_allclose(found, (rated, rated, peak, fastest * RPM, rotor * 1e-4), rtol=1e-12)
         assert motor.rated_speed == pytest.approx(3000 * RPM)
     known = {
-        f"generic {size}x{lead}": (float(root) / 1e3, float(lead) / 1e3)
-        for size, (root, leads) in list(screws.items())[2:]
-        for lead in leads.split(", ")
+        f"generic {size}x{lead}": (size, root, lead, dynamic, static)
+        for size, (root, *lists) in screws.items()
+        for lead, dynamic, static in zip(*(cell.split(", ") for cell in lists), strict=True)
     }
     for screw in GENERIC.transmissions:
-        assert (screw.diameter, screw.lead) == pytest.approx(known.pop(screw.name), rel=1e-12)
+        found = screw.nominal_diameter, screw.diameter, screw.lead, screw.dynamic / 1e6, screw.static / 1e6
+        told = [float(number) / 1e3 for number in known.pop(screw.name)]
+        assert found == pytest.approx(told, rel=1e-12)
+        assert screw.preload_force == pytest.approx(0.05 * screw.dynamic, rel=1e-15)
         assert (screw.length, screw.efficiency, screw.ends) == (0.5, 0.9, "fixed-supported")
     assert not known
-    assert list(motors) == ["motor", "---"]
+    assert not motors
 
 
 CATALOGUE = """

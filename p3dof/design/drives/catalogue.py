@@ -510,8 +510,11 @@ def _generic() -> Catalogue:
     """Return sizes that are typical of servo motors and ball screws; no maker's.
 
     Powers at 3000 rpm with flanges of 40 mm (to 100 W), 60 mm (to 400 W), 80 mm (to 1 kW) and 130 mm. Screws
-    of nominal diameters and leads of ISO 3408-2; their roots are smaller by little more than a ball, of 1.5,
-    2.381, 3.175 (16 to 25 mm) and 4.763 mm.
+    of nominal diameters and leads of ISO 3408-2; their roots are smaller by little more than a ball.
+
+    Load ratings grow with number and diameter of the balls as those of thrust bearings (ISO 281, ISO 76):
+    C_a as Z^(2/3) D_w^1.8, C_0a as Z D_w², with Z = π d / D_w balls in a turn, and both with the cosine of
+    the lead angle. Their factors are a little less than those of makers' nuts with three turns of balls.
     """
     rpm = math.pi / 30
     sizes = [
@@ -528,7 +531,7 @@ def _generic() -> Catalogue:
     motors = [
         Motor(
             rated_torque=torque,
-            peak_torque=3 * torque,
+            peak_torque=round(3 * torque, 2),
             rated_speed=3000 * rpm,
             max_speed=6000 * rpm if torque < 3 else 5000 * rpm,
             inertia=inertia,
@@ -537,22 +540,34 @@ def _generic() -> Catalogue:
         )
         for name, torque, inertia in sizes
     ]
-    diameters: list[tuple[int, float, tuple[float, ...]]] = [
-        (8, 6.5, (2.5, 5)),
-        (12, 9.5, (5, 10)),
-        (16, 12.7, (5, 10, 16)),
-        (20, 16.7, (5, 10, 20)),
-        (25, 21.7, (5, 10, 25)),
-        (32, 27.0, (10, 20, 32)),
+    diameters: list[tuple[int, float, float, tuple[float, ...]]] = [  # nominal, core, ball, leads [mm]
+        (8, 6.5, 1.5, (2.5, 5)),
+        (12, 9.5, 2.381, (5, 10)),
+        (16, 12.7, 3.175, (5, 10, 16)),
+        (20, 16.7, 3.175, (5, 10, 20)),
+        (25, 21.7, 3.175, (5, 10, 25)),
+        (32, 27.0, 4.763, (10, 20, 32)),
     ]
     screws = [
         Screw(
-            lead=lead / 1e3, diameter=core / 1e3, length=0.5, efficiency=0.9, name=f"generic {size}x{lead:g}"
+            lead=lead / 1e3,
+            diameter=core / 1e3,
+            nominal_diameter=size / 1e3,
+            length=0.5,
+            efficiency=0.9,
+            dynamic=_rounded(300 * size ** (2 / 3) * ball ** (17 / 15), size, lead),
+            static=_rounded(250 * size * ball, size, lead),
+            name=f"generic {size}x{lead:g}",
         )
-        for size, core, leads in diameters
+        for size, core, ball, leads in diameters
         for lead in leads
     ]
     return Catalogue(motors, screws)
+
+
+def _rounded(rating: float, size: float, lead: float) -> float:
+    """Return a load rating [N] of a screw with this lead, rounded down to half a kilonewton."""
+    return 500.0 * math.floor(rating * math.cos(math.atan(lead / (math.pi * size))) / 500)
 
 
 GENERIC = _generic()
