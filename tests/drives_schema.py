@@ -64,19 +64,28 @@ RULES: dict[type[Any], dict[str, Any]] = {
 }
 """What fields have to do with each other."""
 _JSON = {"str": "string", "bool": "boolean"}
-_DIGITS = r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
-_POINTS = {"number": {}, "fromZero": {"minimum": 0}, "positive": {"exclusiveMinimum": 0}}
-_BELOW = {
+DIGITS = r"(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+LIFE = rf"^\s*{DIGITS}\s+(h|cycles?|km|m)\s*$"
+POINTS = {"number": {}, "fromZero": {"minimum": 0}, "positive": {"exclusiveMinimum": 0}}
+BELOW = {
     "fromZero": r"^\s*-(?!\s*(0+\.?0*|\.0+)([eE][^ ]*)?\s*([^\d.eE].*)?$)",
     "positive": r"^\s*-|^\s*[+-]?(0+\.?0*|\.0+)([eE][^ ]*)?\s*([^\d.eE].*)?$",
 }
 
 
-def rows() -> dict[str, tuple[str, str, str]]:
-    """Return meaning, unit and default of each field, as the reference says."""
-    text = PAGE.read_text(encoding="utf-8").partition("## Drives file")[2].partition("\n## ")[0]
+def rows(section: str = "Drives file") -> dict[str, tuple[str, str, str]]:
+    """Return meaning, unit and default of each field of a file, as the reference says."""
+    text = PAGE.read_text(encoding="utf-8").partition(f"\n## {section}")[2].partition("\n## ")[0]
     cells = [re.split(r"(?<!\\) ?\| ?", line)[1:5] for line in text.partition("###")[0].splitlines()]
     return {row[0].strip("` "): (row[1], row[2], row[3]) for row in cells if row and row[0].startswith("`")}
+
+
+def described(row: tuple[str, str, str]) -> str:
+    """Return the description of a field, of its row in the reference."""
+    meaning, unit, _ = row
+    unit = f" [{unit}]" if unit not in ("", "1") else ""
+    words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", meaning).replace("`", "")
+    return f"{words[0].upper()}{words[1:]}{unit}."
 
 
 def takes(cls: type[Any], name: str, value: Any) -> bool:
@@ -109,7 +118,7 @@ def form(cls: type[Any], item: Any) -> dict[str, Any]:  # noqa: PLR0911  # a lin
         return {
             "anyOf": [
                 {"$ref": "#/$defs/fromZero"},
-                {"type": "string", "pattern": rf"^\s*\+?{_DIGITS}\s*%\s*$"},
+                {"type": "string", "pattern": rf"^\s*\+?{DIGITS}\s*%\s*$"},
             ]
         }
     if name == "lead_accuracy":
@@ -128,7 +137,7 @@ def form(cls: type[Any], item: Any) -> dict[str, Any]:  # noqa: PLR0911  # a lin
         return {"$ref": f"#/$defs/{least(cls, name)}"}
     if takes(cls, name, "50 %"):
         return {"$ref": f"#/$defs/share{'FromZero' if takes(cls, name, 0) else ''}"}
-    return {"type": "integer" if kind == "int" else "number", **_POINTS[least(cls, name)]}
+    return {"type": "integer" if kind == "int" else "number", **POINTS[least(cls, name)]}
 
 
 def part(cls: type[Any], place: str, named: bool) -> dict[str, Any]:
@@ -136,17 +145,13 @@ def part(cls: type[Any], place: str, named: bool) -> dict[str, Any]:
     told = rows()
     properties, required = {}, ["name"] if named else []
     for item in fields(cls):
-        meaning, unit, default = told[f"{place}.{item.name}"]
-        told_unit = f" [{unit}]" if unit not in ("", "1") else ""
-        properties[item.name] = {
-            "description": f"{meaning[0].upper()}{meaning[1:]}{told_unit}.".replace("`", "")
-        }
-        properties[item.name] |= form(cls, item)
+        row = told[f"{place}.{item.name}"]
+        properties[item.name] = {"description": described(row), **form(cls, item)}
         if isinstance(item.default, bool | int | float | str) and item.default != float("inf"):
             properties[item.name] |= {"default": item.default} if item.name != "name" else {}
         if item.default is item.default_factory:
             required.append(item.name)
-        assert (default == "required") == (item.name in required), f"{place}.{item.name}: {default}"
+        assert (row[2] == "required") == (item.name in required), f"{place}.{item.name}: {row[2]}"
     return {
         "type": "object", "required": required, "additionalProperties": False, "properties": properties,
         **RULES.get(cls, {}),
@@ -194,17 +199,17 @@ def table() -> dict[str, Any]:
 
 def schema() -> dict[str, Any]:
     """Return the whole schema."""
-    unit = rf"^\s*[+-]?{_DIGITS}\s*([A-Za-zµ°Ω][A-Za-zµ°Ω0-9²³^/*· -]*)?\s*$"
+    unit = rf"^\s*[+-]?{DIGITS}\s*([A-Za-zµ°Ω][A-Za-zµ°Ω0-9²³^/*· -]*)?\s*$"
     number = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": unit}]}
     defs: dict[str, Any] = {
         "number": {"description": "In SI units; or text with a unit, such as '120 mm'.", **number}
     }
     for name in ("fromZero", "positive"):
-        below = {"type": "string", "pattern": _BELOW[name]}
-        defs[name] = {"allOf": [{"$ref": "#/$defs/number"}], **_POINTS[name], "not": below}
-    percent = {"type": "string", "pattern": rf"^\s*\+?{_DIGITS}\s*%?\s*$"}
+        below = {"type": "string", "pattern": BELOW[name]}
+        defs[name] = {"allOf": [{"$ref": "#/$defs/number"}], **POINTS[name], "not": below}
+    percent = {"type": "string", "pattern": rf"^\s*\+?{DIGITS}\s*%?\s*$"}
     for name, bound in (("share", "positive"), ("shareFromZero", "fromZero")):
-        known = {"type": "number", "maximum": 1, **_POINTS[bound]}
+        known = {"type": "number", "maximum": 1, **POINTS[bound]}
         defs[name] = {"description": "A number up to 1, or text in percent.", "anyOf": [known, percent]}
     below = {"type": "number", "minimum": 0, "exclusiveMaximum": 1}
     defs["margin"] = {"description": "A share below 1, or text in percent.", "anyOf": [below, percent]}
@@ -231,7 +236,7 @@ def schema() -> dict[str, Any]:
         "additionalProperties": False,
         "properties": dict.fromkeys("ABC", of_axis),
     }
-    properties["life"] = {"type": "string", "pattern": rf"^\s*{_DIGITS}\s+(h|cycles?|km|m)\s*$"}
+    properties["life"] = {"type": "string", "pattern": LIFE}
     some = [
         {"required": [kind], "properties": {kind: {"anyOf": [{"type": "object"}, {"minItems": 1}]}}}
         for kind in ("screws", "belts", "racks")

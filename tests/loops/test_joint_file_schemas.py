@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import fields
 
+import drives_schema
+import joint_schemas
 import jsonschema
 import pytest
 import yaml
 from documents import ROOT
 
 import p3dof
+from p3dof._base.quantities import LENGTH
 from p3dof.analysis.reactions import JOINTS
 from p3dof.design.bearings import read_bearings
 
@@ -161,3 +165,78 @@ def test_they_are_schemas_that_know_all_joints(name):
         assert known == {*p3dof.machine.parameters.SLIDES, *p3dof.machine.parameters.PASSIVE}
     else:
         assert known == {joint.name for joint in JOINTS}
+
+
+PARTS = [("bearings", place, cls) for place, cls in joint_schemas.BEARINGS.items()] + [
+    ("stiffness", place, cls) for place, cls in joint_schemas.GIVING.items()
+]
+FIELDS = [(name, place, cls, item) for name, place, cls in PARTS for item in fields(cls)]
+
+
+@pytest.mark.parametrize("name", joint_schemas.SCHEMAS)
+def test_a_schema_is_made_of_the_classes_and_the_reference(name):
+    text = (ROOT / f"docs/reference/{name}.schema.json").read_text(encoding="utf-8")
+    assert text == joint_schemas.text(name), "write it: python tests/joint_schemas.py"
+
+
+@pytest.mark.parametrize("name", joint_schemas.SCHEMAS)
+def test_the_reference_has_every_field_with_its_unit_and_its_default(name):
+    told = drives_schema.rows(joint_schemas.SECTIONS[name])
+    whole = {"bearings": p3dof.design.bearings.Bearings, "stiffness": p3dof.analysis.Stiffness}[name]
+    mine = [(place, cls, item) for each, place, cls, item in FIELDS if each == name]
+    expected = {item.name for item in fields(whole)} | {f"{place}.{item.name}" for place, _, item in mine}
+    assert set(told) == expected, "a field is a row in files.md"
+    for place, cls, item in mine:
+        _, unit, default = told[f"{place}.{item.name}"]
+        quantity = joint_schemas.unit_of(cls, item.name)
+        assert unit in ({"", "1"} if quantity is None else {quantity.unit, *quantity.others}), item.name
+        if isinstance(item.default, str):
+            assert default == f"`{item.default}`"
+        elif isinstance(item.default, float):
+            assert (quantity or LENGTH).read(default, "") == item.default, item.name
+
+
+VALUES = (-1, 0, 0.4, 0.6, 1, 5e4, "x", "-1", "0", "3", "ball", True, [], {}, None, [1, 2, 3], [0, 0, 0])
+VALUES += ("2 %", "-2 %", "0 N", "-1 N", "1 kN", "1 lbf", "2 N mm", "2 Nm", "3 mm", "1 ft", "50 km", "-3 mm")
+VALUES += (
+    "5 deg",
+    "2 N/um",
+    "4 N m/mrad",
+    "4 Nm/mrad",
+    "3 GPa",
+    "20 psi",
+    "7 kg",
+    "1,3",
+    ["1 mm", 0, 1],
+    ["1 mm", 2],
+)
+KNOWN = {  # a schema does not know what number a text is, nor how numbers fit
+    ("basis", "3"), ("basis", "3 mm"), ("basis", "1 ft"), ("basis", "0"), ("basis", "-3 mm"), ("basis", "-1"),
+    ("preload", "50000.0"), ("centre", "['1 mm', 0, 1]"), ("name", "50000.0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "cls", "item"), FIELDS, ids=[f"{place}.{item.name}" for _, place, _, item in FIELDS]
+)
+def test_schema_and_reader_take_the_same_of_every_field(name, place, cls, item):
+    check = validator(name)
+    differ = set()
+    for value in VALUES:
+        data = {place: {**joint_schemas.LEAST[cls], item.name: value}}
+        if joint_schemas.takes(cls, item.name, value) != check.is_valid(data):
+            differ.add((item.name, str(value)))
+    assert {each for each in differ if each[1] != "None"} <= KNOWN  # null stands for what is left out
+
+
+@pytest.mark.parametrize("life", ["20000 h", "1e7 cycles", "1 cycle", "5000 km", "7 m", ".5 h"])
+def test_both_take_a_life(life, tmp_path):
+    validator("bearings").validate({**BEARINGS, "life": life})
+    assert read("bearings", {**BEARINGS, "life": life}, tmp_path).life is not None
+
+
+@pytest.mark.parametrize("life", ["20000", "h", "7 days", "-1 h", 20000, "1,5 h", ["1 h"]])
+def test_both_refuse_a_life(life, tmp_path):
+    assert not validator("bearings").is_valid({**BEARINGS, "life": life})
+    with pytest.raises(p3dof.errors.ParameterError, match="life"):
+        read("bearings", {**BEARINGS, "life": life}, tmp_path)
