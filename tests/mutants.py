@@ -306,7 +306,7 @@ TESTS = {
     "p3dof/design/drives/makers.py": ("drive_files",),
     "p3dof/design/drives/stopping.py": ("stopping",),
     "p3dof/design/drives/supply.py": ("supply",),
-    "p3dof/design/drives/nuts.py": ("nuts", "makers_examples", ),
+    "p3dof/design/drives/nuts.py": ("nuts", "makers_examples"),
     "p3dof/design/bearings/": ("bearings", "nuts"),
     "p3dof/manipulator.py": ("comparison", "manipulator", "gate"),
     "p3dof/methods/comparison": ("comparison", "manipulator", "gate"),
