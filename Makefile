@@ -161,9 +161,10 @@ public-benchmark: $(DEV) ## hold every engine that is installed against the publ
 export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export
 
-pictures: $(DEV) ## draw the pictures of the README anew
+pictures: $(DEV) ## draw the pictures of the README and of clearances anew
 	$(BIN)/p3dof show --at 0.48 --screenshot pictures/machine.png
 	$(BIN)/p3dof forces --figure pictures/forces.png
+	$(BIN)/p3dof show --surroundings pictures/around.yaml --clearance "5 mm" --at 0.8666 --screenshot docs/_static/clearance.png
 
 clean: ## remove what was installed, built and computed
 	rm -rf $(VENV) $(LOWEST) $(OUT) page/node_modules build p3dof.egg-info p3dof/_native/_compiled*.so p3dof/_base/files/_numbers*.so

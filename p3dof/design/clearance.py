@@ -339,11 +339,18 @@ class CollisionModel:
 
     def points(self, pose: FloatArray, pair: int) -> FloatArray:
         """Return where two parts are nearest to each other at a pose, or overlap most, (2, 3) [m]."""
-        rotation, position = self._placed(pose[None])
-        self._put(rotation[0], position[0])
-        row = min(self._rows[pair], key=lambda each: self._distance(int(each)))
-        found = self._data.distanceResults[int(row)]
-        return np.array([found.getNearestPoint1(), found.getNearestPoint2()])
+        return np.asarray(self.points_over(pose[None], np.array([pair]))[0])
+
+    def points_over(self, pose: FloatArray, pairs: NDArray[np.int_]) -> FloatArray:
+        """Return the same at poses (N, 3), of one pair at each, (N, 2, 3) [m]."""
+        rotation, position = self._placed(pose)
+        found = np.empty((len(pose), 2, 3))
+        for k, pair in enumerate(pairs):
+            self._put(rotation[k], position[k])
+            row = min(self._rows[pair], key=lambda each: self._distance(int(each)))
+            one = self._data.distanceResults[int(row)]
+            found[k] = one.getNearestPoint1(), one.getNearestPoint2()
+        return found
 
     def solids(self, pose: FloatArray) -> list[tuple[str, FloatArray, float]]:
         """Return all convex solids at a pose: part, corners (V, 3), radius of what sweeps them [m]."""
@@ -580,6 +587,14 @@ class Clearance(ShownInNotebook, Readable):
     def least(self) -> Approach:
         """The pair that comes nearest."""
         return self.approaches[0]
+
+    def nearest_points(self) -> FloatArray:
+        """Return the two points that are nearest to each other at each sample, (N, 2, 3) [m], fixed frame.
+
+        They are of the pair with the least of `distances` there; where it overlaps, where it does so most.
+        """
+        model = CollisionModel(self.machine, self.surroundings)
+        return model.points_over(self.pose, self.distances.argmin(axis=1))
 
     @property
     def fits(self) -> bool:

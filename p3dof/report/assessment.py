@@ -100,7 +100,10 @@ def moving_page(found: Assessment) -> Any:
     reactions = found.reactions
     if reactions is not None and isinstance(found.found, TaskForces):
         reactions = without_jumps(reactions, found.found.plan)
-    return found.robot.page(as_result(found.found), reactions=reactions, title=found.name)
+    clearance = found.clearance
+    return found.robot.page(
+        as_result(found.found), reactions=reactions, clearance=clearance, title=found.name
+    )
 
 
 def _answer(found: Assessment) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import { Arrows, largest, seen } from "./arrows.js";
 import { Closures } from "./closures.js";
 import { Handles } from "./handles.js";
 import { closuresOf, instant, instantOf, runOf, sceneOf, treeOf, sceneOfRun } from "./instant.js";
+import { Nearest } from "./nearest.js";
 import { Ghost, Solids } from "./solids.js";
 import { Labels, MapPicture, floorOf, lighten, lineOf } from "./surroundings.js";
 import { pointOf } from "./tree.js";
@@ -37,6 +38,7 @@ export class Contents {
         this.labels = new Labels(scene);
         this.arrows = new Arrows(this.radius);
         this.closures = new Closures(closuresOf(state), this.radius);
+        this.nearest = new Nearest();
         this.lines = scene.lines.map((line) => {
             const drawn = lineOf(line.points.data, line.colour ?? "#5f6b76");
             const joint = line.joint ?? -1;
@@ -57,10 +59,10 @@ export class Contents {
         this.known = null;
         this.world.add(this.solids.group, this.map.mesh, guests);
         if (this.floor) this.world.add(this.floor);
-        this.overlay.add(this.arrows.group, this.closures.group);
+        this.overlay.add(this.arrows.group, this.closures.group, this.nearest.group);
         if (this.handles) this.overlay.add(this.handles.group);
         this.back.add(this.world);
-        this.front.add(this.overlay, this.labels.group, this.arrows.texts);
+        this.front.add(this.overlay, this.labels.group, this.arrows.texts, this.nearest.text.sprite);
     }
 
     /** Take the same scene with other lengths; false where it is another one. @param {import("./types").Scene} scene */
@@ -225,6 +227,7 @@ export class Contents {
             this.arrows.show(loads, eye, look, !now.byHand || state.engine !== null);
         }
         this.labels.show((joint, at) => pointOf(now.placements, joint, at), eye, state.layers, look, this.radius);
+        this.nearest.show(state, eye, look);
         if (handles && now.pose) {
             const [x, y, z] = pointOf(now.placements, handles.traced.joint, handles.traced.point);
             handles.show(new Vector3(x, y, z), now.pose[2], eye);

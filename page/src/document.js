@@ -33,6 +33,8 @@ const OF_RUN = {
     notes: ["string"],
 };
 
+const OF_NEAREST = { points: "table", distances: "table", pairs: "table", names: ["string"], required: "number" };
+
 /** A document that cannot be shown; the message says why, in one line. */
 export class DocumentError extends Error {
     /** @param {string} text */
@@ -180,6 +182,13 @@ function checkRun(run, where, document) {
     }
     require(run.curves, curves, `${where}.curves`);
     for (const load of run.loads) tables.push([`load ${load.key}`, load.values]);
+    if (run.nearest) {
+        require(run.nearest, OF_NEAREST, `${where}.nearest`);
+        const { points, distances, pairs, names } = run.nearest;
+        tables.push(["nearest points", points], ["distances", distances], ["nearest pairs", pairs]);
+        if (points.shape[1] !== 6) fail(`${where}: nearest points have ${points.shape[1]} columns, expected 6`);
+        if (pairs.data.some((/** @type {number} */ pair) => !(pair in names))) fail(`${where}: a nearest pair has no name`);
+    }
     for (const [name, table] of Object.entries(run.placed ?? {})) tables.push([`placed ${name}`, table]);
     for (const [name, table] of tables) {
         if (table && table.shape?.[0] !== samples) {

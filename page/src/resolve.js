@@ -42,6 +42,7 @@ export function resolved(engine, document, run, part) {
     const known = new Map(Object.entries(rows).flatMap(([key, values]) =>
         LEGS.map((leg, k) => [`${key}_${leg}`, column(values, k, count)])));
     known.set("power_total", sumOf(power, count));
+    if (run.nearest && otherLengths(engine, document, run)) known.set("least_distance", new Float64Array(count).fill(NaN));
     const curves = run.curves.map((curve) => withValues(curve, known.get(curve.key)));
     return {
         ...run,
@@ -49,6 +50,12 @@ export function resolved(engine, document, run, part) {
         curves,
         loads: [...run.loads, ...wrenchLoads(engine, document, run)],
     };
+}
+
+/** Whether legs or plates are longer or shorter than when distances were looked at. @param {Engine} engine @param {Document} document @param {Run} run */
+function otherLengths({ lengths }, { engine: given }, { parameters }) {
+    const numbers = parameters ?? (given.kind === "p3dof" ? given.parameters : null);
+    return numbers !== null && [lengths.r, lengths.R, lengths.L].some((length, i) => length !== numbers.data[i]);
 }
 
 /**

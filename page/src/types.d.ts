@@ -39,9 +39,13 @@ export interface Load {
     direction?: number[]; curve?: string; values?: Table; colour?: string;
     group: "actuator" | "multiplier" | "reaction" | "wrench"; unit: string; layer?: string;
 }
+/** Points (N, 6) of two parts and their distances (N,) [m]; which of `names` these are, (N,); the least that is required [m]. */
+export interface Near { points: Table; distances: Table; pairs: Table; names: string[]; required: number }
 export interface Run {
     name: string; time: Table; q: Table; pose?: Table; velocity?: Table; acceleration?: Table; wrench?: Table;
     curves: Curve[]; loads: Load[]; notes: string[]; placed?: Record<string, Table>;
+    /** Which parts are nearest to each other at each sample, and where. */
+    nearest?: Near;
     /** Made in this page, with this machine: waypoints, or a run that was kept. */
     computed?: "waypoints" | "kept";
     /** Which one of the file's it is, from one, since one of them was removed from the page. */

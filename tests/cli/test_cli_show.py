@@ -187,6 +187,32 @@ def test_the_page_as_a_file(tmp_path, capsys):
     assert document["start"] == {"speed": 1.0, "playing": False, "time": 0.5}
 
 
+def test_a_page_with_the_nearest_parts(tmp_path, capsys):
+    around = tmp_path / "around.yaml"
+    around.write_text("obstacles: [{name: post, ends: [[0, 0.33, -0.6], [0, 0.33, 0]], radius: 20 mm}]\n")
+    page = tmp_path / "machine.html"
+    code, out, err = run(
+        capsys, "--samples", 21, "--surroundings", around, "--clearance", "3 mm", "--out", page
+    )
+    assert (code, err) == (0, "")
+    found = p3dof.design.clearance_of(
+        p3dof.load(), p3dof.paper_motion(21), p3dof.design.read_surroundings(around), required=0.003
+    )
+    assert found.verdict in " ".join(out.split())
+    document = document_of(page.as_uri())
+    near = document["runs"][0]["nearest"]
+    np.testing.assert_array_equal(decoded(near["distances"]), found.distances.min(axis=1))
+    assert near["required"] == 0.003
+    assert "post" in {solid["name"] for solid in document["scene"]["solids"]}
+    assert run(capsys, "--samples", 21, "--out", page)[0] == 0
+    assert "nearest" not in document_of(page.as_uri())["runs"][0]
+    code, _, err = run(capsys, "--clearance", 0, "--meshcat", "--out", page)
+    assert code == 2
+    assert "for the page, not for --meshcat" in err
+    code, _, err = run(capsys, "--surroundings", around, "--out", around)
+    assert code == 2
+
+
 def test_pictures(tmp_path, capsys, monkeypatch):
     made = {}
 

@@ -612,6 +612,25 @@ def test_a_file_that_is_wrong_is_one_line(folder, capsys):
     assert line.startswith("p3dof: error: around.yaml:")
 
 
+def test_the_nearest_points_of_each_sample(robot):
+    """They are as far apart as the parts, on their surfaces: a capsule's lies its radius from the axis."""
+    post = CollisionShape("post", ends=((0.0, 0.3, -0.6), (0.0, 0.3, 0.1)), radius=0.02)
+    found = clearance_of(robot, paper_motion(41), Surroundings(obstacles=[post]))
+    points, pairs = found.nearest_points(), found.distances.argmin(axis=1)
+    assert points.shape == (41, 2, 3)
+    assert len(set(pairs)) > 1
+    apart = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    np.testing.assert_allclose(apart, found.distances.min(axis=1), atol=1e-9)
+    near = clearance_of(robot, paper_motion(41), only("post", "leg_b", obstacles=post))
+    of_post = near.nearest_points()[:, next(pair.index("post") for pair in near.pairs)]
+    np.testing.assert_allclose(np.hypot(of_post[:, 0], of_post[:, 1] - 0.3), 0.02, atol=1e-9)
+    box = CollisionShape("box", size=(0.5, 0.5, 0.1), at=(0, 0, -0.4))
+    inside = clearance_of(robot, paper_motion(3), only("box", "platform", obstacles=box))
+    assert (inside.distances < 0).all()
+    gap = np.linalg.norm(np.diff(inside.nearest_points(), axis=1)[:, 0], axis=1)
+    np.testing.assert_allclose(gap, -inside.distances[:, 0], atol=1e-7)
+
+
 @pytest.mark.parametrize(("least", "code"), [("5 mm", 0), ("40 mm", 1)])
 def test_report_has_the_clearance_as_a_rating_and_a_figure(folder, capsys, least, code):
     asked = ["--surroundings", "around.yaml", "--clearance", least, "--no-animation", "--out", "a.html"]

@@ -1,6 +1,6 @@
 """Worked examples that makers print of guides, ball screws and braking resistors, to their digits.
 
-THK: General Catalog, A Technical Descriptions of the Products, by its pages. HIWIN: Linear Guideway
+THK: general catalogue, A Technical Descriptions of the Products, by its pages. HIWIN: Linear Guideway
 G99TE20-1808 and Ballscrews S99TE20-1610, Technical Information. What a maker multiplies loads with for
 impacts, f_W or f_p, is in the forces here.
 """

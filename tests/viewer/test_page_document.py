@@ -9,10 +9,12 @@ import pytest
 from documents import ROOT
 from machines import random_actuators, random_machine
 from page_documents import SCHEMA, curve_of, every_joint, placements, read
+from scipy.spatial.transform import Rotation
 
 import p3dof
 from p3dof._base.errors import InputError
 from p3dof.codegen.web_controller import controller_module
+from p3dof.design import CollisionShape, Surroundings, clearance_of
 from p3dof.runs import simulate_robot
 from p3dof.viewer.document.encoding import DTYPES, decoded, encoded
 from p3dof.viewer.document.trees import placed_over, tree_of
@@ -255,6 +257,51 @@ def test_reactions_of_joints_are_curves_and_arrows_that_can_be_shown():
         page_document(ROBOT, MOTION[:9], reactions=reactions)
     with pytest.raises(InputError, match="reactions: expected Reactions"):
         page_document(ROBOT, MOTION, reactions=3)
+
+
+def test_the_nearest_parts_are_points_a_curve_and_what_stands_around():
+    around = Surroundings(
+        payload=[CollisionShape("load", size=(0.1, 0.08, 0.06), at=(0, 0, -0.06), turn=(0.1, 0.2, 0.3))],
+        obstacles=[CollisionShape("post", ends=((0.1, 0.33, -0.6), (0, 0.33, 0)), radius=0.02)],
+    )
+    clearance = clearance_of(ROBOT, MOTION, around, required=0.002)
+    document = read(page_document(ROBOT, MOTION, clearance=clearance))
+    (run,) = document["runs"]
+    near, least = run["nearest"], clearance.distances.min(axis=1)
+    assert near["required"] == 0.002
+    np.testing.assert_array_equal(decoded(near["distances"]), least)
+    np.testing.assert_array_equal(curve_of(run, "least_distance"), least)
+    points = decoded(near["points"]).reshape(-1, 2, 3)
+    np.testing.assert_array_equal(points, clearance.nearest_points())
+    names = [near["names"][pair] for pair in decoded(near["pairs"])]
+    assert names == [" and ".join(clearance.pairs[pair]) for pair in clearance.distances.argmin(axis=1)]
+    (line,) = (one for one in run["curves"] if one["key"] == "least_distance")
+    assert (line["limit"], line["unit"]) == ([0.002, None], "m")
+    shown = {layer["name"] for layer in document["scene"]["layers"] if layer["shown"]}
+    assert {"nearest", "surroundings"} <= shown
+    solids = {one["name"]: one for one in document["scene"]["solids"] if one["layer"] == "surroundings"}
+    assert set(solids) == {"load", "post"}
+    x, y, z, *turn = solids["post"]["placement"]
+    np.testing.assert_allclose([x, y, z], [0.05, 0.33, -0.3], atol=1e-15)
+    along = Rotation.from_quat(turn).apply([0, 0, solids["post"]["shape"]["length"]])
+    np.testing.assert_allclose(along, [-0.1, 0, 0.6], atol=1e-12)
+    for sample in (0, 25):
+        place = placements(document, run, sample)[solids["load"]["joint"]]
+        own = np.eye(4)
+        own[:3, :3] = Rotation.from_quat(solids["load"]["placement"][3:]).as_matrix()
+        own[:3, 3] = solids["load"]["placement"][:3]
+        y, z, theta = MOTION.pose[sample]
+        platform = Rotation.from_rotvec([0, theta, 0])
+        level = np.array(decoded(run["pose"]))[sample]
+        np.testing.assert_array_equal(level, [y, z, theta])
+        expected = platform.as_matrix() @ Rotation.from_euler("xyz", [0.1, 0.2, 0.3]).as_matrix()
+        np.testing.assert_allclose((place @ own)[:3, :3], expected, atol=1e-12)
+    plain = read(page_document(ROBOT, MOTION, clearance=clearance_of(ROBOT, MOTION)))
+    assert "surroundings" not in {layer["name"] for layer in plain["scene"]["layers"]}
+    with pytest.raises(InputError, match="clearance: expected that of the motion that is shown first"):
+        page_document(ROBOT, MOTION[:9], clearance=clearance)
+    with pytest.raises(InputError, match="clearance: expected a Clearance, got 3"):
+        page_document(ROBOT, MOTION, clearance=3)
 
 
 def test_samples_out_of_reach_are_gaps_and_a_note():

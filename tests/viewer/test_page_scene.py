@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from pages import DRAWN, SETTLED, as_new, placements, shared
 
 import p3dof
+from p3dof.design import clearance_of
 from p3dof.viewer.document.html import page_html
 from p3dof.viewer.machine.document import page_document
 from p3dof.viewer.machine.room import joints_of
@@ -464,3 +465,54 @@ def test_in_software_edges_are_smooth_when_nothing_moves(watched):
     watched.wait(fine)
     width = watched.page.evaluate("p3dof.state.stage.width")
     assert watched.page.locator("#stage canvas").bounding_box()["width"] == width
+
+
+NEAREST = """() => {
+    const { nearest } = p3dof.state.stage.contents;
+    return {
+        seen: nearest.group.visible && nearest.text.sprite.visible, text: nearest.text.text,
+        ends: nearest.ends.map(({ position }) => position.toArray()),
+        colour: `#${nearest.line.color.getHexString()}`,
+    };
+}"""
+
+
+def test_the_nearest_parts_are_joined_by_a_line_with_its_length(browser, machine, result, tmp_path):
+    """As Python has them at samples; not in a hand, with other lengths, or when the layer is off."""
+    clearance = clearance_of(machine, result, required=0.004)
+    path = tmp_path / "page.html"
+    path.write_text(page_html(page_document(machine, result, clearance=clearance)), encoding="utf-8")
+    least, points = clearance.distances.min(axis=1), clearance.nearest_points()
+    pairs = [" and ".join(clearance.pairs[pair]) for pair in clearance.distances.argmin(axis=1)]
+    with shared(browser, path.as_uri(), 1200, 800) as watched:
+        for i in (0, 100, int(least.argmin())):
+            watched.page.evaluate("time => p3dof.seek(time)", float(result.time[i]))
+            found = watched.page.evaluate(NEAREST)
+            assert found["seen"]
+            assert_allclose(found["ends"], points[i], rtol=0, atol=1e-12)
+            name, _, length = found["text"].removesuffix(" mm").rpartition(" ")
+            assert name == pairs[i]
+            assert float(length) == pytest.approx(1e3 * least[i], rel=5e-4)
+            assert found["colour"] == ("#d32f2f" if least[i] < 0.004 else "#7b1fa2")
+        assert least.min() < 0.004 < least.max()
+        for change in (
+            "{ layers: { ...p3dof.state.layers, nearest: false } }",
+            "{ hand: { pose: [0, 0, 0] } }",
+        ):
+            watched.page.evaluate(f"p3dof.state.set({change})")
+            shown(watched)
+            assert not watched.page.evaluate(NEAREST)["seen"]
+            watched.page.evaluate(
+                "p3dof.state.set({ hand: null, layers: { ...p3dof.state.layers, nearest: true } })"
+            )
+            shown(watched)
+            assert watched.page.evaluate(NEAREST)["seen"]
+        last = (
+            "p3dof.state.solved?.curves.find(({ key }) => key === 'least_distance').values.data.at(-1) ?? 0"
+        )
+        for change, known in (("{ L: 0.41 }", False), ("{ payload: 1 }", True)):
+            watched.page.evaluate(f"p3dof.state.set({{ whatIf: {change} }})")
+            shown(watched)
+            assert watched.page.evaluate(NEAREST)["seen"] is known
+            assert watched.page.evaluate(f"Number.isFinite({last})") is known
+        watched.healthy()

@@ -32,7 +32,7 @@ from p3dof.viewer.machine.room import (
     require_machine,
     skin_of,
 )
-from p3dof.viewer.machine.runs import Runnable, Samples, run_of, with_reactions
+from p3dof.viewer.machine.runs import Runnable, Samples, run_of, with_distances, with_reactions
 from p3dof.viewer.stage import HEAD, HEAD_RADIUS, above
 
 TITLE = "3-DOF spatial parallel manipulator"
@@ -44,6 +44,7 @@ def page_document(
     *,
     runs: Mapping[str, Runnable | tuple[Machine, Runnable]] | None = None,
     reactions: AnyReactions | None = None,
+    clearance: Any = None,
     title: str = TITLE,
 ) -> dict[str, Any]:
     """Return the document of the manipulator: its scene, and runs with their curves and loads.
@@ -60,6 +61,9 @@ def page_document(
         and the run: it is drawn with that machine's lengths.
     reactions : Reactions or ReactionsComparison, optional
         Of the joints, over the motion of `result`: curves of their sizes, and arrows that can be shown.
+    clearance : p3dof.design.Clearance, optional
+        Of the parts, over the motion of `result`: a line between the two points that are nearest, with their
+        distance, its curve, and what the machine carried and what stood around it.
     title : str
         Heading of the page.
 
@@ -100,7 +104,9 @@ def page_document(
             "tilt": list(limits.tilt),
         },
     )
-    return document if reactions is None else with_reactions(robot, document, found[0][1], reactions)
+    if reactions is not None:
+        document = with_reactions(robot, document, found[0][1], reactions)
+    return document if clearance is None else with_distances(robot, document, found[0][1], clearance)
 
 
 def _run(robot: Machine, machine: Machine, samples: Samples) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError
@@ -18,7 +19,8 @@ from p3dof.methods.virtual_power import VirtualPowerMethod
 from p3dof.runs import Simulation
 from p3dof.viewer.document.encoding import GREY, PALETTE, Limit, colour, curve, encoded, layer, load
 from p3dof.viewer.document.runs import as_run
-from p3dof.viewer.document.trees import place_of
+from p3dof.viewer.document.solids import solid
+from p3dof.viewer.document.trees import place_of, placement
 from p3dof.viewer.machine.room import COLOURS, LEGS, Machine, Room
 
 Runnable = Motion | InverseDynamics | Simulation
@@ -181,3 +183,52 @@ def with_reactions(
     run = run | {"curves": run["curves"] + curves, "loads": run["loads"] + loads, "notes": notes}
     layers = [*document["scene"]["layers"], layer("reactions", "Reactions of joints", False)]
     return document | {"runs": [run, *others], "scene": document["scene"] | {"layers": layers}}
+
+
+def with_distances(
+    robot: Machine, document: dict[str, Any], samples: Samples, clearance: Any
+) -> dict[str, Any]:
+    """Return a document whose first run says which parts are nearest; with what stands around the machine."""
+    if not all(hasattr(clearance, name) for name in ("pose", "pairs", "distances", "nearest_points")):
+        raise InputError(f"clearance: expected a Clearance, got {shown(clearance)}")
+    if not np.array_equal(clearance.pose, samples.motion.pose):
+        raise InputError("clearance: expected that of the motion that is shown first")
+    least, pairs = clearance.distances.min(axis=1), clearance.distances.argmin(axis=1)
+    used = np.unique(pairs)
+    near = {
+        "points": encoded(clearance.nearest_points().reshape(-1, 6)),
+        "distances": encoded(least),
+        "pairs": encoded(np.searchsorted(used, pairs), "int16"),
+        "names": [" and ".join(clearance.pairs[int(pair)]) for pair in used],
+        "required": float(clearance.required),
+    }
+    limit = (float(clearance.required), np.inf)
+    line = curve("least_distance", "Least distance", "Least distance", "m", PALETTE[6], least, limit=limit)
+    run, *others = document["runs"]
+    scene, around = document["scene"], _around(robot, clearance)
+    layers = [*scene["layers"], layer("nearest", "Nearest parts")]
+    layers += [layer("surroundings", "Surroundings")] if around else []
+    scene = scene | {"layers": layers, "solids": [*scene["solids"], *around]}
+    run = run | {"curves": [*run["curves"], line], "nearest": near}
+    return document | {"runs": [run, *others], "scene": scene}
+
+
+_THINGS = (0.55, 0.45, 0.35, 0.6)
+"""Colour of payloads and obstacles."""
+
+
+def _around(robot: Machine, clearance: Any) -> list[dict[str, Any]]:
+    """Return payload and obstacles as solids of a document."""
+    frame, around = robot.model.frames[robot.model.getFrameId(PLATFORM)], clearance.surroundings
+    places = [(int(frame.parentJoint) - 1, frame.placement, one) for one in around.payload]
+    found = []
+    for joint, start, one in [*places, *((-1, pin.SE3.Identity(), one) for one in around.obstacles)]:
+        shape: dict[str, Any] = {"kind": "box", "size": one.size}
+        place = pin.SE3(pin.rpy.rpyToMatrix(*one.turn), np.array(one.at))
+        if one.size is None:
+            low, high = np.array(one.ends)
+            shape = {"kind": "capsule", "radius": one.radius, "length": float(np.linalg.norm(high - low))}
+            turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), high - low)
+            place = pin.SE3(turn.matrix() if shape["length"] else np.eye(3), (low + high) / 2)
+        found.append(solid(one.name, joint, placement(start * place), shape, _THINGS, "surroundings"))
+    return found

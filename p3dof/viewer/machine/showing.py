@@ -30,6 +30,7 @@ def page(
     wrench: WrenchOverTime = None,
     runs: Mapping[str, Runnable] | None = None,
     reactions: AnyReactions | None = None,
+    clearance: Any = None,
     title: str = TITLE,
     at: float | None = None,
     speed: float = 1.0,
@@ -49,6 +50,8 @@ def page(
         Further runs by name, to be compared with it.
     reactions : Reactions or ReactionsComparison, optional
         Of the joints over the same motion: curves, and arrows that can be shown.
+    clearance : p3dof.design.Clearance, optional
+        Of the parts over the same motion: the two points that are nearest, with their distance.
     title : str
         Heading.
     at : float, optional
@@ -67,7 +70,7 @@ def page(
     """
     require_machine(robot)
     first = solved(robot, result, wrench)
-    document = page_document(robot, first, runs=runs, reactions=reactions, title=title)
+    document = page_document(robot, first, runs=runs, reactions=reactions, clearance=clearance, title=title)
     times = None if first is None else first.time
     return Page({**document, "start": start_of(times, at, speed, playing)})
 
@@ -79,6 +82,7 @@ def show(
     wrench: WrenchOverTime = None,
     runs: Mapping[str, Runnable] | None = None,
     reactions: AnyReactions | None = None,
+    clearance: Any = None,
     title: str = TITLE,
     port: int | None = None,
     at: float | None = None,
@@ -89,7 +93,7 @@ def show(
 
     Parameters
     ----------
-    robot, result, wrench, runs, reactions, title, at, speed, playing
+    robot, result, wrench, runs, reactions, clearance, title, at, speed, playing
         As of `page`.
     port : int, optional
         Of the server, 0 for any; the first free one from 7000 on by default.
@@ -116,6 +120,7 @@ def show(
         wrench=wrench,
         runs=runs,
         reactions=reactions,
+        clearance=clearance,
         title=title,
         at=at,
         speed=speed,
