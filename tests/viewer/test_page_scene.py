@@ -455,18 +455,6 @@ def test_a_picture_between_a_change_and_its_refresh_shows_one_instant(watched, d
     assert watched.page.evaluate("p3dof.instant().time") == 0.7
 
 
-def test_in_software_edges_are_smooth_when_nothing_moves(watched):
-    fine = "p3dof.state.stage.canvas.width === 2 * p3dof.state.stage.width"
-    watched.page.evaluate("() => p3dof.seek(0.1)")
-    assert watched.page.evaluate(fine)  # scripts that look right after it see the best picture
-    watched.page.evaluate("() => p3dof.state.set({ playing: true })")
-    watched.wait("p3dof.state.stage.canvas.width <= p3dof.state.stage.width")  # less where frames are slow
-    watched.page.evaluate("() => p3dof.state.set({ playing: false })")
-    watched.wait(fine)
-    width = watched.page.evaluate("p3dof.state.stage.width")
-    assert watched.page.locator("#stage canvas").bounding_box()["width"] == width
-
-
 NEAREST = """() => {
     const { nearest } = p3dof.state.stage.contents;
     return {
@@ -516,3 +504,15 @@ def test_the_nearest_parts_are_joined_by_a_line_with_its_length(browser, machine
             assert watched.page.evaluate(NEAREST)["seen"] is known
             assert watched.page.evaluate(f"Number.isFinite({last})") is known
         watched.healthy()
+
+
+def test_in_software_edges_are_smooth_when_nothing_moves(watched):
+    fine = "p3dof.state.stage.canvas.width === 2 * p3dof.state.stage.width"
+    watched.page.evaluate("() => p3dof.seek(0.1)")
+    assert watched.page.evaluate(fine)  # scripts that look right after it see the best picture
+    watched.page.evaluate("() => p3dof.state.set({ playing: true })")
+    watched.wait("p3dof.state.stage.canvas.width <= p3dof.state.stage.width")  # less where frames are slow
+    watched.page.evaluate("() => p3dof.state.set({ playing: false })")
+    watched.wait(fine)
+    width = watched.page.evaluate("p3dof.state.stage.width")
+    assert watched.page.locator("#stage canvas").bounding_box()["width"] == width
