@@ -267,6 +267,8 @@ TESTS = {
     "p3dof/loops/identification/logs.py": ("identification_data",),
     "p3dof/loops/identification/validation.py": ("identification_data", "identification_validation"),
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
+    "p3dof/design/optimisation/expressions.py": ("expressions",),
+    "p3dof/design/optimisation/constraints.py": ("expressions", "optimisation", "study_numbers", "pareto"),
     "p3dof/design/optimisation/pareto.py": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/feasibility.py": (
         "conflicts",

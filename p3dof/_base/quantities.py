@@ -12,14 +12,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import zip_longest
-from typing import Any
+from typing import Any, TypeAlias
 
 from p3dof._base.checks import is_number, with_point
 from p3dof._base.errors import ParameterError
 
-_Powers = tuple[int, int, int, int, int]  # of metre, kilogram, second, radian and ampere
+Powers: TypeAlias = tuple[int, int, int, int, int]
+"""Of metre, kilogram, second, radian and ampere."""
 
-_UNITS: dict[str, tuple[_Powers, Fraction]] = {
+_UNITS: dict[str, tuple[Powers, Fraction]] = {
     "m": ((1, 0, 0, 0, 0), Fraction(1)),
     "cm": ((1, 0, 0, 0, 0), Fraction(1, 100)),
     "mm": ((1, 0, 0, 0, 0), Fraction(1, 1000)),
@@ -114,8 +115,8 @@ class Quantity:
         written = _WRITTEN.match(text) if len(text) <= _LONGEST else None
         if written is None:
             raise self._refused(text, where)
-        powers, factor = _unit(written[2]) or (None, Fraction(1))
-        if powers not in {_unit(unit)[0] for unit in (self.unit, *self.others)}:  # type: ignore[index]
+        powers, factor = unit_of(written[2]) or (None, Fraction(1))
+        if powers not in {unit_of(unit)[0] for unit in (self.unit, *self.others)}:  # type: ignore[index]
             raise self._refused(text, where)
         try:
             return float(Fraction(written[1]) * factor)
@@ -146,7 +147,7 @@ def _is_plain(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _unit(text: str) -> tuple[_Powers, Fraction] | None:
+def unit_of(text: str) -> tuple[Powers, Fraction] | None:
     """Return the powers and the factor of a unit; None if it is none."""
     plain = text.replace("²", "^2").replace("³", "^3").replace("μ", "µ").replace("\u2126", "Ω")
     sides = plain.split("/")

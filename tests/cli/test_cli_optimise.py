@@ -96,7 +96,7 @@ BAD = [
     ("objectives", [], "one measure or more"),
     ("constraints/singularity", {"least": 1}, "expected {'min': ...}"),
     ("constraints/singularity", {"min": "15 kg"}, "expected an angle"),
-    ("constraints/relations", ["R = 1"], "no relation such as"),
+    ("constraints/relations", ["R = 1"], "character 3: no formula can go on"),
     ("bodies", "steel", "expected 'kept' or 'solids'"),
     ("modulus", "2 kg", "expected a modulus"),
     ("fixed", {"slider_edg": 1}, "unknown column"),

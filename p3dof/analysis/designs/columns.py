@@ -333,6 +333,27 @@ def numbers_of(machine: Parameters) -> dict[str, float]:
     return found | {"limits.speed": limits.speed, "limits.force": limits.force}
 
 
+def members_of(name: str) -> list[str]:
+    """Return the columns of the links or joints that a name stands for."""
+    room, _, rest = name.partition(".")
+    if room == "bodies":
+        kind, _, what = rest.partition(".")
+        links = (kind,) if kind in LINKS else KINDS[kind]
+        return [f"bodies.{link}.{what}" for link in links]
+    if room in ("friction", "actuators") and rest != "smoothing":
+        law, _, joint = rest.partition(".")
+        return [f"{room}.{law}.{member}" for member in JOINT_GROUPS.get(joint, (joint,))]
+    return [name]
+
+
+def number_in(machine: Parameters, name: str) -> float:
+    """Return what a column replaces in a machine, the first of several; NaN of sizes of solids."""
+    if name == DENSITY:
+        return STEEL_DENSITY
+    none = 0.0 if name.partition(".")[0] in ("payload", "offset", "friction", "actuators") else np.nan
+    return numbers_of(machine).get(members_of(name)[0], none)
+
+
 def _machine(numbers: dict[str, float], base: Parameters, bodies: BodiesOfDesigns) -> Parameters:
     def parts(prefix: str) -> dict[str, float]:
         return {name.removeprefix(prefix): v for name, v in numbers.items() if name.startswith(prefix)}

@@ -15,16 +15,15 @@ from p3dof._base.quantities import Quantity
 from p3dof.analysis.designs.columns import (
     COMPONENTS,
     DENSITY,
-    KINDS,
     QUANTITIES,
     SIZES,
     BodiesOfDesigns,
     Designs,
     full_name,
+    members_of,
     numbers_of,
 )
-from p3dof.machine.parameters import LINKS, PAPER, STEEL_DENSITY, Dimensions, Parameters
-from p3dof.machine.parameters.body import JOINT_GROUPS
+from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
 
 
 class HasParameters(Protocol):
@@ -84,7 +83,7 @@ def direction_of(
         raise InputError(f"{known}: sizes need bodies of solids: bodies='solids'")
     numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
     unit = QUANTITIES[known].unit
-    members = _members(known)
+    members = members_of(known)
     nominal = numbers.get(members[0], 0.0)
     if known.endswith(".mass") and known != "payload.mass":
         return Direction(known, nominal, unit, _with_inertia(known, members, numbers))
@@ -94,19 +93,6 @@ def direction_of(
 def _of_solids(machine: Parameters) -> dict[str, float]:
     sizes = Dimensions.scaled(machine.geometry)
     return {name: getattr(sizes, name.partition(".")[2]) for name in SIZES} | {DENSITY: STEEL_DENSITY}
-
-
-def _members(name: str) -> list[str]:
-    """Return the columns of the links or joints that a name stands for."""
-    room, _, rest = name.partition(".")
-    if room == "bodies":
-        kind, _, what = rest.partition(".")
-        links = (kind,) if kind in LINKS else KINDS[kind]
-        return [f"bodies.{link}.{what}" for link in links]
-    if room in ("friction", "actuators") and rest != "smoothing":
-        law, _, joint = rest.partition(".")
-        return [f"{room}.{law}.{member}" for member in JOINT_GROUPS.get(joint, (joint,))]
-    return [name]
 
 
 def _with_inertia(name: str, members: list[str], numbers: Mapping[str, float]) -> dict[str, float]:

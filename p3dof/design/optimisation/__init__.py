@@ -1,6 +1,6 @@
 """Which machine would be better: variables, objectives, constraints, and the ways to optima.
 
-- `variables`, `box`, `constraints`, `bounds`: what may change, which poses count, what must be kept.
+- `variables`, `box`: what may change, which poses count; `constraints`, `expressions`: what must be kept.
 - `measure`, `measures`: what designs are measured by, with gradients.
 - `population`, `statement`, `evaluated`, `settings`: a problem, and what is computed of many designs at once.
 - `epigraph`, `starts`, `evolution`, `feasibility`, `minimising`, `journal`: optima by one objective.

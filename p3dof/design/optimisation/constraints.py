@@ -1,23 +1,30 @@
-"""What designs must keep: bounds on measures, and linear relations between variables."""
+"""What designs must keep: bounds on measures, and relations between columns and measures."""
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Readable, frozen_array, real, shown
+from p3dof._base.checks import FloatArray, Readable, meant, real, shown
 from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
-from p3dof.design.optimisation.measures import measure_of
-from p3dof.design.optimisation.population import Better, Measure, Pieces, Population
-
-_SIDES = {ast.GtE: 1.0, ast.LtE: -1.0, ast.Gt: 1.0, ast.Lt: -1.0}
-_LONGEST = 200
+from p3dof.design.optimisation.expressions import Node, read_comparison
+from p3dof.design.optimisation.measures import MEASURES, measure_of
+from p3dof.design.optimisation.population import (
+    STEP,
+    Better,
+    Measure,
+    Pieces,
+    Population,
+    worst_gradient,
+    worst_of,
+)
+from p3dof.design.optimisation.task_measures import LEAD, duties_of
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,7 @@ class Constraint(Readable):
     @property
     def name(self) -> str:
         """What tables call it."""
-        if isinstance(self.measure, Linear):
+        if isinstance(self.measure, Linear | Formula):
             return self.measure.name
         sign = "≥" if self.at_least else "≤"
         return f"{self.measure.name} {sign} {amount(self.bound, self.measure.unit)}"
@@ -90,23 +97,84 @@ class Linear:
         """Return it of designs, (D,)."""
         total: FloatArray = np.full(len(population), self.constant)
         for name, factor in self.coefficients.items():
-            total = total + factor * np.ravel(_column_of(population, name))
+            total = total + factor * column_of(population, name)
         return total
 
     def pieces(self, population: Population) -> Pieces:
         """Return its one piece and its gradient."""
-        names = population.setting.names
-        gradient = np.array([self.coefficients.get(name, 0.0) for name in names])
-        shape = (len(population), 1, len(names))
-        return Pieces(self.values(population)[:, None], np.broadcast_to(gradient, shape).copy())
+        return Pieces(self.values(population)[:, None], partial(self._gradients, population))
+
+    def _gradients(self, population: Population) -> FloatArray:
+        rows = [factor * slopes_of(population, name) for name, factor in self.coefficients.items()]
+        return np.asarray(np.sum(rows, axis=0))[:, None]
 
 
-def _column_of(population: Population, name: str) -> Any:
-    if name in population.columns:
-        return population.columns[name]
-    if name.startswith("dimensions."):
-        return population.numbers.size(name.partition(".")[2])
-    return population.numbers[name]
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A formula of columns and of measures, as a measure."""
+
+    name: str  # the relation as it was written
+    node: Node
+    measures: Mapping[str, Measure]  # by their names in it; all other names are columns
+    unit: str = ""
+    better: Better = "large"  # which side is bounded
+
+    @property
+    def figures(self) -> tuple[Any, ...]:
+        """As of the measures in it."""
+        return tuple(dict.fromkeys(group for one in self.measures.values() for group in one.figures))
+
+    @property
+    def slow(self) -> bool:
+        """Whether a measure in it takes long."""
+        return any(getattr(measure, "slow", False) for measure in self.measures.values())
+
+    def values(self, population: Population) -> FloatArray:
+        """Return it of designs, (D,); NaN where it has no value."""
+        known = {
+            name: (self.measures[name].values(population), 0.0)
+            if name in self.measures
+            else (column_of(population, name), 0.0)
+            for name in self.node.names()
+        }
+        found = np.broadcast_to(self.node.of(known)[0], (len(population),))
+        return np.where(np.isfinite(found), found, np.nan)
+
+    def pieces(self, population: Population) -> Pieces:
+        """Return its one piece and its gradient; of measures, the worst piece counts."""
+        return Pieces(self.values(population)[:, None], partial(self._gradients, population))
+
+    def _gradients(self, population: Population) -> FloatArray:
+        known = {}
+        for name in self.node.names():
+            if name in self.measures:
+                pieces, better = self.measures[name].pieces(population), self.measures[name].better
+                known[name] = worst_of(pieces.values, better), worst_gradient(pieces, better)
+            else:
+                known[name] = column_of(population, name), slopes_of(population, name)
+        slopes = np.broadcast_to(self.node.of(known)[1], (len(population), len(population.setting.names)))
+        return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)[:, None]  # a root at zero has no slope
+
+
+def column_of(population: Population, name: str) -> FloatArray:
+    """Return a column of designs by its full name, (D,), also of what is the same for all."""
+    names = population.setting.names
+    if name == LEAD:
+        found: Any = (
+            population.values[:, names.index(LEAD)] if LEAD in names else duties_of(population, "lead").lead
+        )
+    else:
+        found = np.ravel(population.numbers.named(name))
+    return np.broadcast_to(np.asarray(found, dtype=np.float64), (len(population),))
+
+
+def slopes_of(population: Population, name: str) -> FloatArray:
+    """Return the derivatives of a column by all variables, (D, n)."""
+    names, count = population.setting.names, len(population)
+    if name in names or name == LEAD:
+        return np.broadcast_to(np.array([float(each == name) for each in names]), (count, len(names)))
+    rows = [np.ravel(np.imag(population.stepped(each).named(name)) / STEP) for each in names]
+    return np.stack([np.broadcast_to(row, (count,)) for row in rows], axis=1)
 
 
 def amount(value: float, unit: str, digits: int = 6) -> str:
@@ -117,80 +185,72 @@ def amount(value: float, unit: str, digits: int = 6) -> str:
 
 
 def relation(text: str) -> Constraint:
-    """Return the constraint that a linear relation between columns is, such as ``"R >= r + 0.03"``."""
-    if not isinstance(text, str) or len(text) > _LONGEST:
-        raise InputError(f"constraints: expected a relation such as 'R >= r + 0.03', got {shown(text)}")
+    """Return the constraint that a relation is, such as ``"R >= r + 0.03"`` or ``"R**2 + r**2 <= L**2"``.
+
+    Of columns, measures (the worst of each), numbers in SI units or with a unit, ``+ - * / **``, brackets,
+    ``pi``, ``sqrt``, ``sin``, ``cos``, ``tan``, ``asin``, ``acos``, ``atan``, ``atan2``, ``exp``, ``log``,
+    ``abs``, ``min`` and ``max``. What is linear in columns stays so for the optimiser.
+
+    Parameters
+    ----------
+    text : str
+        Two formulas with ``>=`` or ``<=`` between.
+
+    Raises
+    ------
+    InputError
+        If it is none; the message names the character.
+    """
+    measures: dict[str, Measure] = {}
+    units: dict[str, str] = {}
+
+    def resolve(name: str) -> tuple[str, str]:
+        known = _name_of(name)
+        if known in MEASURES:
+            measures[known] = MEASURES[known]
+        units[known] = MEASURES[known].unit if known in measures else _unit_of(known)
+        return known, units[known]
+
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise InputError(f"constraints: {shown(text)} is no relation such as 'R >= r + 0.03'") from error
-    if not isinstance(tree, ast.Compare) or len(tree.ops) != 1 or type(tree.ops[0]) not in _SIDES:
-        raise InputError(f"constraints: {shown(text)}: expected one >= or <= between two expressions")
-    sign = _SIDES[type(tree.ops[0])]
-    left, right = (_linear(side, text) for side in (tree.left, tree.comparators[0]))
-    total = _times(sign, _sum(left, _times(-1.0, right)))
-    constant = total.pop("", 0.0)
-    if not any(total.values()):
+        left, right, at_least = read_comparison(text, resolve)
+    except InputError as error:
+        raise InputError(f"constraints: {error}") from error
+    if not units:
         raise InputError(f"constraints: {shown(text)}: expected columns of designs in it")
-    units = {QUANTITIES[name].unit for name in total}
-    if len(units) > 1:
+    name = " ".join(text.split())
+    terms = None if measures else Node("-", (left, right)).terms()
+    if terms is not None:
+        total = {each: value if at_least else -value for each, value in terms.items()}
+        constant = total.pop("", 0.0)
+        if not np.isfinite([constant, *total.values()]).all():
+            raise InputError(f"constraints: {shown(text)}: expected smaller numbers")
+        if not any(total.values()):
+            raise InputError(f"constraints: {shown(text)}: expected columns that do not cancel each other")
+        same = {_unit_of(each) for each in total}
+        return Constraint(Linear(name, total, constant, same.pop() if len(same) == 1 else ""), 0.0, True)
+    if left.what == "number":
+        left, right, at_least = right, left, not at_least
+    node, bound = (left, right.value) if right.what == "number" else (Node("-", (left, right)), 0.0)
+    return Constraint(Formula(name, node, measures, better="large" if at_least else "small"), bound, at_least)
+
+
+def _name_of(name: str) -> str:
+    """Return the full name of a column, or the name of a measure."""
+    if name == "lead":
+        return LEAD
+    if name in MEASURES:
+        return name
+    try:
+        return full_name(name)
+    except InputError as error:
+        hint = meant(name, MEASURES, 0.5)
         raise InputError(
-            f"constraints: {shown(text)}: the columns are in different units: {', '.join(sorted(units))}"
-        )
-    measure = Linear(" ".join(text.split()), total, constant, units.pop())
-    return Constraint(measure, 0.0, at_least=True)
+            f"no column or measure is called {shown(name)}{hint}" if hint else str(error)
+        ) from None
 
 
-def _linear(node: ast.AST, text: str) -> dict[str, float]:
-    """Return the coefficients of an expression by full names; the constant by the empty name."""
-    match node:
-        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-            return {"": float(frozen_array(text, value, ()))}
-        case ast.Name() | ast.Attribute():
-            return {full_name(_dotted(node, text)): 1.0}
-        case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            return _linear(operand, text)
-        case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return _times(-1.0, _linear(operand, text))
-        case ast.BinOp(left=left, op=op, right=right):
-            found = _joined(_linear(left, text), op, _linear(right, text))
-            if found is not None:
-                return found
-    raise InputError(f"constraints: {shown(text)}: expected sums of columns times numbers, in SI units")
-
-
-def _joined(
-    left: Mapping[str, float], op: ast.operator, right: Mapping[str, float]
-) -> dict[str, float] | None:
-    """Return the coefficients of two expressions with a sign between; None of what is not linear."""
-    match op:
-        case ast.Add():
-            return _sum(left, right)
-        case ast.Sub():
-            return _sum(left, _times(-1.0, right))
-        case ast.Mult() if set(left) == {""}:
-            return _times(left[""], right)
-        case ast.Mult() if set(right) == {""}:
-            return _times(right[""], left)
-        case ast.Div() if set(right) == {""} and right[""]:
-            return {name: value / right[""] for name, value in left.items()}
-    return None
-
-
-def _sum(left: Mapping[str, float], right: Mapping[str, float]) -> dict[str, float]:
-    return {name: left.get(name, 0.0) + right.get(name, 0.0) for name in {**left, **right}}
-
-
-def _times(factor: float, terms: Mapping[str, float]) -> dict[str, float]:
-    return {name: factor * value for name, value in terms.items()}
-
-
-def _dotted(node: ast.AST, text: str) -> str:
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute):
-        return f"{_dotted(node.value, text)}.{node.attr}"
-    raise InputError(f"constraints: {shown(text)}: expected names of columns")
+def _unit_of(name: str) -> str:
+    return LENGTH.unit if name == LEAD else QUANTITIES[name].unit
 
 
 def constraints_of(given: Mapping[str, Any] | Sequence[Any] | str) -> tuple[Constraint, ...]:
@@ -201,6 +261,8 @@ def constraints_of(given: Mapping[str, Any] | Sequence[Any] | str) -> tuple[Cons
     if isinstance(given, Mapping):
         for name, bounds in given.items():
             if name == "relations":
+                if not isinstance(bounds, str | list | tuple):
+                    raise InputError(f"constraints: relations: expected a list of texts, got {shown(bounds)}")
                 found += [relation(text) for text in ((bounds,) if isinstance(bounds, str) else bounds)]
             else:
                 found += _bounds(name, bounds)

@@ -15,7 +15,7 @@ from p3dof._base.quantities import LENGTH, Quantity
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.drives import Catalogue
-from p3dof.design.optimisation.constraints import Constraint, amount
+from p3dof.design.optimisation.constraints import Constraint, Formula, amount
 from p3dof.design.optimisation.population import Measure
 from p3dof.design.optimisation.task_measures import LEAD, PARTS, Discrete, chosen_parts
 
@@ -203,7 +203,8 @@ class Evaluated:
         worst = int(shares.argmin())
         item, value = items[worst], self.constraints[design, worst]
         if np.isnan(value):
-            return f"{item.name}: a pose of the box is out of reach"
+            formula = isinstance(item.measure, Formula)
+            return f"{item.name}: {'has no value' if formula else 'a pose of the box is out of reach'}"
         missed, unit = amount(-margins[worst], item.measure.unit, 4), item.measure.unit
         return f"{item.name}: violated by {missed} (it is {amount(value, unit)})"
 

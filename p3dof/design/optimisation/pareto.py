@@ -23,7 +23,7 @@ from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
 from p3dof._base.errors import InputError, OptimisationError
 from p3dof._base.files import write_table
 from p3dof._base.tables import NONE, Cell, Table
-from p3dof.design.optimisation.constraints import Constraint, Linear
+from p3dof.design.optimisation.constraints import Constraint, Formula, Linear
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
 from p3dof.design.optimisation.evolution import Journal, genetic_front
@@ -330,7 +330,9 @@ def _limits(optimum: Optimum) -> Table:
         if item.measure.unit == "rad":
             margins = (float(np.degrees(margins[0])), float(np.degrees(margins[1])))
         unit = {"rad": "deg"}.get(item.measure.unit, item.measure.unit)
-        name = item.name if isinstance(item.measure, Linear) else item.name.removesuffix(unit).strip()
+        name = (
+            item.name if isinstance(item.measure, Linear | Formula) else item.name.removesuffix(unit).strip()
+        )
         told = f"{name} [{unit}]" if unit else name
         rows.append((told, *(_plain(round(margin, 12) + 0.0) for margin in margins), binding))
     bounds = ", ".join(name for name in optimum.binding if name.endswith(" bound"))

@@ -18,7 +18,15 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array, shown
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import Load, WrenchOverTime
 from p3dof.analysis.designs import DesignEvaluation, DesignForces, Designs
-from p3dof.analysis.designs.columns import DENSITY, LENGTHS, OFFSETS, BodiesOfDesigns
+from p3dof.analysis.designs.columns import (
+    DENSITY,
+    LENGTHS,
+    OFFSETS,
+    SIZES,
+    BodiesOfDesigns,
+    members_of,
+    number_in,
+)
 from p3dof.analysis.designs.figures import (
     FigureGroup,
     Outputs,
@@ -196,6 +204,27 @@ class Numbers:
         if name in LENGTHS:
             return getattr(self._setting.machine.geometry, name[-1])
         return 0.0
+
+    def named(self, name: str) -> Any:
+        """Return any column by its full name, (D, 1) or a number: that of the machine where there is none."""
+        if name in self._columns or name in LENGTHS or name in OFFSETS:
+            return self[name]
+        if name in SIZES:
+            return self.size(name.partition(".")[2])
+        machine, members = self._setting.machine, set(members_of(name))
+        others = {column: set(members_of(column)) & members for column in self._columns}
+        for column, shared in others.items():
+            if shared == members:
+                return self[column]
+        solids = self._setting.bodies == "solids" and name.startswith((DENSITY, "bodies."))
+        if name == DENSITY and solids:
+            return self.density
+        if solids or name == DENSITY:
+            raise InputError(f"{name}: has no number of its own: expected it in variables or in fixed")
+        apart = [column for column, shared in others.items() if shared]
+        if apart or len({number_in(machine, member) for member in members}) > 1:
+            raise InputError(f"{name}: stands for several numbers, which differ: expected one of them")
+        return number_in(machine, name)
 
     @property
     def r(self) -> Any:

@@ -17,7 +17,7 @@ Such as this one::
     constraints:
       singularity: {min: 15 deg}
       width: {max: 500 mm}
-      relations: [R >= r + 0.03]        # linear, in SI units
+      relations: [R >= r + 30 mm, R**2 + r**2 <= L**2]    # formulas, in SI units or with units
     robust:                             # of machines as they are built, by standard deviations
       sigma: {R: 0.5 mm, L: 0.5 mm}
       measures: [peak_force, singularity]
@@ -56,7 +56,7 @@ from p3dof.analysis.designs.files import (
 from p3dof.design.bearings import read_bearings
 from p3dof.design.clearance import Surroundings, read_surroundings
 from p3dof.design.drives import read_catalogue
-from p3dof.design.optimisation.constraints import Constraint, constraints_of
+from p3dof.design.optimisation.constraints import Constraint, Formula, constraints_of
 from p3dof.design.optimisation.evolution import GENERATIONS, Journal
 from p3dof.design.optimisation.minimising import (
     STARTS,
@@ -158,8 +158,8 @@ class DesignProblem(Statement):
         measures of one's own, see `p3dof.design.optimisation.FunctionMeasure`.
     constraints : mapping or sequence
         By the name of a measure, ``{"min": ...}``, ``{"max": ...}`` or both, in its SI unit; in a sequence,
-        besides, `Constraint` objects and linear relations of columns such as ``"R >= r + 0.03"``, in SI
-        units. A mapping may have these relations by the name ``relations``.
+        besides, `Constraint` objects and relations of columns and measures, see
+        `p3dof.design.optimisation.relation`. A mapping may have these by the name ``relations``.
     box : Box, optional
         Poses that every design must reach, for measures over poses.
     machine : Parameters, optional
@@ -451,7 +451,9 @@ def problem_of(data: Mapping[str, Any], folder: Path, name: str, any_size: bool 
             bearings=_beside(read_bearings, data.get("bearings"), folder, f"{name}: bearings"),
         ),
     )
-    used = {measure.name for measure in (*made.objectives, *(item.measure for item in made.constraints))}
+    measures = [*made.objectives, *(item.measure for item in made.constraints)]
+    measures += [one for each in measures if isinstance(each, Formula) for one in each.measures.values()]
+    used = {measure.name for measure in measures}
     for plain, measure in robust.items():
         if measure.name not in used:
             raise InputError(f"{name}: robust.measures: {plain} is no objective, and has no bound")
@@ -517,10 +519,14 @@ def _as_built(given: Any, robust: Mapping[str, Robust]) -> Any:
 
 def _of_built(given: Any, robust: Mapping[str, Robust]) -> tuple[Constraint, ...]:
     """Return constraints, bounds on some measures being those on machines as they are built."""
-    return tuple(
-        replace(item, measure=_as_built(item.measure.name, robust)) if item.measure.name in robust else item
-        for item in constraints_of(given)
-    )
+    found = []
+    for item in constraints_of(given):
+        measure = _as_built(item.measure.name, robust) if item.measure.name in robust else item.measure
+        if isinstance(measure, Formula):
+            inside = {name: robust.get(name, each) for name, each in measure.measures.items()}
+            measure = replace(measure, measures=inside)
+        found.append(replace(item, measure=measure))
+    return tuple(found)
 
 
 def _constraints(given: Any, where: str) -> Any:

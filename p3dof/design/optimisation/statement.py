@@ -17,14 +17,14 @@ from p3dof._base.blocks import digest
 from p3dof._base.checks import FloatArray, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
-from p3dof.analysis.designs.columns import DENSITY, KINDS, SIZES, BodiesOfDesigns, full_name, numbers_of
+from p3dof.analysis.designs.columns import SIZES, BodiesOfDesigns, full_name, number_in
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
 from p3dof.design.bearings import Bearings
 from p3dof.design.clearance import Surroundings
 from p3dof.design.drives import Catalogue, Drive
-from p3dof.design.optimisation.constraints import Constraint, constraints_of
+from p3dof.design.optimisation.constraints import Constraint, Formula, constraints_of
 from p3dof.design.optimisation.evaluated import Asked, Evaluated, Variables, discrete_of, quantity_in_si
 from p3dof.design.optimisation.measures import measure_of
 from p3dof.design.optimisation.population import (
@@ -49,7 +49,7 @@ from p3dof.design.optimisation.task_measures import (
 )
 from p3dof.design.tasks import Task
 from p3dof.machine.motion import Motion, paper_motion
-from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
+from p3dof.machine.parameters import PAPER, Dimensions, Parameters
 
 
 def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
@@ -85,6 +85,8 @@ def _measure(measure: Measure) -> dict[str, Any]:
     if isinstance(measure, FunctionMeasure):
         function = measure.function
         found["function"] = getattr(function, "__qualname__", type(function).__qualname__)
+    if isinstance(measure, Formula):
+        found["of"] = [_measure(each) for each in measure.measures.values()]
     if isinstance(measure, OverTasks):
         return {**_measure(measure.measure), "mean": measure.mean}
     if isinstance(measure, Robust):
@@ -206,6 +208,9 @@ class Statement:
 
     def _over(self, measure: Measure, work: Duties | None, worst: bool = False) -> Measure:
         """Return a measure as one of all tasks, where it depends on what is done."""
+        if isinstance(measure, Formula):
+            inside = {name: self._over(each, work, True) for name, each in measure.measures.items()}
+            return replace(measure, measures=inside)
         inner = measure.measure if isinstance(measure, Robust) else measure
         over = getattr(inner, "over", "")
         if work is None or not over:
@@ -269,12 +274,10 @@ class Statement:
                 found.append(float(getattr(machine.geometry, last)))
             elif name in SIZES:
                 found.append(float(getattr(Dimensions.scaled(machine.geometry), last)))
-            elif group == "offset":
-                found.append(0.0)
             elif name == LEAD:
                 found.append(float(getattr(self.setting.duties.drive.transmission, "lead", np.nan)))
             else:
-                found.append(_number_of(machine, name))
+                found.append(number_in(machine, name))
         return np.array(found)
 
     def evaluate(self, designs: Any) -> Evaluated:
@@ -476,17 +479,6 @@ def _fixed(given: Mapping[str, Any], variables: Variables) -> dict[str, float]:
             raise InputError(f"fixed: {label} is a variable, too")
         found[name] = quantity_in_si(name, value, f"fixed.{label}")
     return found
-
-
-def _number_of(machine: Parameters, name: str) -> float:
-    known = numbers_of(machine)
-    group, _, rest = name.partition(".")
-    kind, _, last = rest.partition(".")
-    if group == "bodies" and kind in KINDS:
-        name = f"bodies.{KINDS[kind][0]}.{last}"
-    if name == DENSITY:
-        return STEEL_DENSITY
-    return known.get(name, 0.0 if group in ("payload", "friction", "actuators") else np.nan)
 
 
 def _require_once(names: list[str], where: str) -> None:

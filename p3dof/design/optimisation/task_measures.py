@@ -178,6 +178,14 @@ class Duties:
             return drive
         return with_lead(drive, float(population.values[index, names.index(LEAD)]))
 
+    @property
+    def lead(self) -> float:
+        """The lead of the screw that all designs have [m]."""
+        screw = None if self.drive is None else self.drive.transmission
+        if not isinstance(screw, Screw):
+            raise InputError("lead: needs drives with a screw: drives=...")
+        return screw.lead
+
     def sizing(self, population: Population, index: int, duty: int) -> Sizing:
         """Return what a task takes of the drives of a design."""
         cycle, held, when, mass = self._cycle(population, index, duty)
