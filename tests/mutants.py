@@ -269,7 +269,13 @@ TESTS = {
     "p3dof/design/optimisation/": ("optimisation", "study_numbers", "optima", "pareto"),
     "p3dof/design/optimisation/expressions.py": ("expressions",),
     "p3dof/design/optimisation/constraints.py": ("expressions", "optimisation", "study_numbers", "pareto"),
-    "p3dof/design/optimisation/pareto.py": ("optimisation", "study_numbers", "optima", "pareto"),
+    "p3dof/design/optimisation/pareto.py": (
+        "optimisation",
+        "study_numbers",
+        "own_bodies",
+        "optima",
+        "pareto",
+    ),
     "p3dof/design/optimisation/feasibility.py": (
         "conflicts",
         "optimisation",
@@ -278,7 +284,7 @@ TESTS = {
         "pareto",
     ),
     "p3dof/design/optimisation/robust.py": ("robust",),
-    "p3dof/design/optimisation/statement.py": ("optimisation", "mixed", "study_numbers", "optima"),
+    "p3dof/design/optimisation/statement.py": ("optimisation", "mixed", "own_bodies", "optima"),
     "p3dof/design/optimisation/mixed.py": ("mixed",),
     "p3dof/design/optimisation/task_measures.py": ("mixed",),
     "p3dof/design/optimisation/measures.py": (

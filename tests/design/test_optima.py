@@ -110,7 +110,7 @@ def test_the_optimum_is_a_machine_file(optimum: Optimum, tmp_path: Path) -> None
 
 
 def test_tables_compare_with_the_machine_that_there_was(optimum: Optimum) -> None:
-    changes, limits, checks = optimum_tables(optimum)
+    changes, limits, checks, bodies = optimum_tables(optimum)
     rows = {row[0]: row[1:] for row in changes.rows}
     assert rows["peak_force [N]"] == (
         pytest.approx(119.93761, abs=1e-5),
@@ -119,6 +119,7 @@ def test_tables_compare_with_the_machine_that_there_was(optimum: Optimum) -> Non
     )
     assert [row[-1] for row in limits.rows].count("binding") == 2
     assert checks.rows[2][1] == "none"
+    assert [row[1] for row in bodies.rows] == ["solid"] * 4  # the paper's are nobody's own
 
 
 def test_moving_the_motion_is_checked_by_pinocchio_too() -> None:

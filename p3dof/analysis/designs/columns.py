@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -352,6 +352,77 @@ def number_in(machine: Parameters, name: str) -> float:
         return STEEL_DENSITY
     none = 0.0 if name.partition(".")[0] in ("payload", "offset", "friction", "actuators") else np.nan
     return numbers_of(machine).get(members_of(name)[0], none)
+
+
+SIZES_OF = {
+    "slider": ("dimensions.slider_edge",),
+    "leg": ("dimensions.rod_radius",),
+    "crossbar": ("dimensions.rod_radius",),
+    "platform": ("dimensions.plate_thickness", "dimensions.corner_radius"),
+}
+"""Sizes of the solid of each kind of bodies."""
+
+
+def solids_among(
+    bodies: BodiesOfDesigns | Mapping[str, BodiesOfDesigns],
+    machine: Parameters,
+    fixed: Mapping[str, float],
+    varied: Collection[str],
+) -> tuple[str, ...]:
+    """Return which kinds of bodies are computed anew from solids of each design.
+
+    Those that are told, by kind; else all that somebody did not give: the paper's, those that are what
+    solids of the machine's lengths are, and those of which a size varies. Nobody's own bodies are replaced
+    without a word.
+    """
+    if isinstance(bodies, str) and bodies in get_args(BodiesOfDesigns):
+        if bodies == "kept":
+            return ()
+        sizes = {name.partition(".")[2]: size for name, size in fixed.items() if name in SIZES}
+        size = replace(Dimensions.scaled(machine.geometry), **sizes)
+        likely = [PAPER.bodies, of_solids(machine.geometry).bodies]
+        likely.append(of_solids(machine.geometry, size, fixed.get(DENSITY, STEEL_DENSITY)).bodies)
+        own = machine.unladen.bodies
+        return tuple(
+            kind
+            for kind, links in KINDS.items()
+            if set(SIZES_OF[kind]) & set(varied)
+            or any(all(_alike(getattr(own, n), getattr(other, n)) for n in links) for other in likely)
+        )
+    if not isinstance(bodies, Mapping):
+        kinds = ", ".join(KINDS)
+        raise InputError(f"bodies: expected 'kept' or 'solids', or these by {kinds}, got {shown(bodies)}")
+    for kind, given in bodies.items():
+        if kind not in KINDS:
+            raise InputError(f"bodies: unknown kind {shown(kind)}, expected one of {', '.join(KINDS)}")
+        if not isinstance(given, str) or given not in get_args(BodiesOfDesigns):
+            raise InputError(f"bodies.{kind}: expected 'kept' or 'solids', got {shown(given)}")
+    return tuple(kind for kind in KINDS if bodies.get(kind) == "solids")
+
+
+def kept_columns(machine: Parameters, solids: Collection[str], known: Collection[str]) -> dict[str, float]:
+    """Return the columns that keep all other bodies of a machine, but for those that are columns already."""
+    numbers, found = numbers_of(machine), dict[str, float]()
+    for kind, links in KINDS.items():
+        if kind in solids:
+            continue
+        for part in COMPONENTS:
+            whole = f"bodies.{kind}.{part}"
+            values = {f"bodies.{link}.{part}": numbers[f"bodies.{link}.{part}"] for link in links}
+            if len(set(values.values())) == 1:
+                values = {whole: next(iter(values.values()))}
+            if whole not in known:
+                found |= {name: value for name, value in values.items() if name not in known}
+    return found
+
+
+def _alike(one: Body, other: Body) -> bool:
+    """Whether two bodies are the same but for rounding in a file."""
+    rows = [(b.mass, *b.com, *b.inertia.ravel()) for b in (one, other)]
+    return all(
+        bool(np.allclose(*part, rtol=1e-4, atol=1e-4 * float(np.abs(part[1]).max())))
+        for part in ((rows[0][:1], rows[1][:1]), (rows[0][1:4], rows[1][1:4]), (rows[0][4:], rows[1][4:]))
+    )
 
 
 def _machine(numbers: dict[str, float], base: Parameters, bodies: BodiesOfDesigns) -> Parameters:

@@ -23,6 +23,7 @@ from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
 from p3dof._base.errors import InputError, OptimisationError
 from p3dof._base.files import write_table
 from p3dof._base.tables import NONE, Cell, Table
+from p3dof.analysis.designs.columns import KINDS
 from p3dof.design.optimisation.constraints import Constraint, Formula, Linear
 from p3dof.design.optimisation.epigraph import Local
 from p3dof.design.optimisation.evaluated import Evaluated
@@ -302,11 +303,50 @@ def _require(method: str, points: Any, population: Any, generations: Any, seed: 
 
 
 _ROWS = 12  # most designs in a table of a front
+_COMBINATIONS = 20  # most combinations in a table
 
 
 def optimum_tables(optimum: Optimum) -> list[Table]:
     """Return what changed against the machine that there was, what binds, and how it was checked."""
-    return [_changes(optimum), _limits(optimum), _checks(optimum)]
+    found = [_changes(optimum), _limits(optimum), _checks(optimum)]
+    found += [_bodies(optimum)] if optimum.problem.solids else []
+    return [*found, *([_combinations(optimum)] if optimum.combinations else [])]
+
+
+def _bodies(optimum: Optimum) -> Table:
+    """Return which bodies are computed from solids, and which are kept as the machine has them."""
+    rows: list[tuple[Cell, ...]] = []
+    before, after = optimum.problem.setting.machine, optimum.machine
+    for kind, links in KINDS.items():
+        masses = [sum(getattr(each.bodies, link).mass for link in links) for each in (before, after)]
+        told = "solid" if kind in optimum.problem.solids else "kept"
+        rows.append((kind if len(links) == 1 else f"{kind}, all {len(links)}", told, *masses))
+    note = "Bodies of one's own are kept; 'bodies: {platform: solids}' in the file replaces one."
+    kept = len(optimum.problem.solids) < len(KINDS)
+    return Table("Bodies", ("", "from", "machine [kg]", "optimum [kg]"), tuple(rows), note if kept else "")
+
+
+def _combinations(optimum: Optimum) -> Table:
+    """Return what came of combinations of discrete variables: the optimised ones first, by value."""
+    measure = optimum.problem.objectives[0]
+    sign = 1.0 if measure.better == "small" else -1.0
+    order = sorted(
+        optimum.combinations, key=lambda one: (one.pruned, np.nan_to_num(sign * one.value, nan=np.inf))
+    )
+    labels = [item.label for item in optimum.problem.discrete]
+    name = f"{measure.name} [{measure.unit}]" if measure.unit else measure.name
+    rows = tuple(
+        (
+            *one.values,
+            _plain(one.value),
+            one.reason or ("best" if k == 0 else "feasible, not the best"),
+            "left out" if one.pruned else "optimised",
+        )
+        for k, one in enumerate(order[:_COMBINATIONS])
+    )
+    more = len(order) - len(rows)
+    note = f"And {more} more." if more else ""
+    return Table("Combinations", (*labels, name, "why", ""), rows, note, layout="wide")
 
 
 def _changes(optimum: Optimum) -> Table:

@@ -6,7 +6,7 @@ Such as this one::
 
     machine: machine.yaml               # a parameter file, or its content; the paper's machine without it
     motion: {paper: 201}                # samples of the paper's motion, or a motion file: motion.csv
-    bodies: solids                      # computed anew for each design; or kept
+    bodies: solids                      # computed anew for each design, but for one's own; or kept
     variables:                          # named as the columns of `p3dof designs`
       R: [150 mm, 500 mm]
       L: [200 mm, 800 mm]
@@ -164,8 +164,11 @@ class DesignProblem(Statement):
         Poses that every design must reach, for measures over poses.
     machine : Parameters, optional
         What has no column, and the design to begin with; the paper's machine by default.
-    bodies : {"kept", "solids"}
-        Keep the bodies of `machine`, or compute them anew from solids of each design; see `Designs`.
+    bodies : {"kept", "solids"} or mapping of str to these
+        Keep the bodies of `machine`, or compute them anew from solids of each design; see `Designs`. Bodies
+        of one's own, which are neither the paper's nor steel solids of the machine's lengths, are kept even
+        then, unless a size of their solid varies. By kind (``slider``, ``leg``, ``crossbar``,
+        ``platform``), those that are left out are kept.
     fixed : mapping of str to float, optional
         Columns that are the same for all designs, such as sizes of solids which would else scale with the
         lengths.

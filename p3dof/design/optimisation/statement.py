@@ -17,7 +17,14 @@ from p3dof._base.blocks import digest
 from p3dof._base.checks import FloatArray, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
-from p3dof.analysis.designs.columns import SIZES, BodiesOfDesigns, full_name, number_in
+from p3dof.analysis.designs.columns import (
+    SIZES,
+    BodiesOfDesigns,
+    full_name,
+    kept_columns,
+    number_in,
+    solids_among,
+)
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
@@ -125,7 +132,7 @@ class Statement:
         *,
         box: Box | None = None,
         machine: Parameters | None = None,
-        bodies: BodiesOfDesigns = "kept",
+        bodies: BodiesOfDesigns | Mapping[str, BodiesOfDesigns] = "kept",
         fixed: Mapping[str, Any] | None = None,
         wrench: WrenchOverTime = None,
         modulus: float = STEEL_MODULUS,
@@ -168,10 +175,14 @@ class Statement:
             for item in constraints_of(constraints)
         )
         needs = (*self.objectives, *(item.measure for item in self.constraints))
+        machine, known = PAPER if machine is None else machine, _fixed(fixed or {}, self.variables)
+        varied = {*self.variables.names, *(item.name for item in self.discrete)}
+        self.solids = solids_among(bodies, machine, known, varied)  # kinds of bodies
+        kept = kept_columns(machine, self.solids, {*varied, *known}) if self.solids else {}
         self.setting = Setting(
-            machine=PAPER if machine is None else machine,
-            bodies=bodies,
-            fixed=_fixed(fixed or {}, self.variables),
+            machine=machine,
+            bodies="solids" if self.solids else "kept",
+            fixed={**known, **kept},
             names=self.variables.names,
             motion=(paper_motion(SAMPLES) if work is None else work.tasks[0].plan.motion)
             if motion is None
