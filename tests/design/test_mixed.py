@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from itertools import product
@@ -16,7 +17,7 @@ import p3dof
 from p3dof.cli import main
 from p3dof.design import DesignProblem
 from p3dof.design.bearings import Bearing, Bearings, bearing_life
-from p3dof.design.drives import Catalogue, Drive, Motor, Screw
+from p3dof.design.drives import Ambient, Catalogue, Drive, Margins, Motor, Screw
 from p3dof.design.forces_of_tasks import reactions_of_task
 from p3dof.design.optimisation import Duty, optimum_tables
 from p3dof.design.optimisation.task_measures import Discrete
@@ -74,7 +75,7 @@ def test_measures_of_drives_are_those_of_size_drives_and_forces_those_of_the_tas
     for i, j in product(range(3), range(3)):
         found, drives = asked.choosing((i, j)).evaluate(np.zeros((1, 0))), sized(MOTORS[i], SCREWS[j])
         assert found["rms_torque"][0] == pytest.approx(max(a.rms_torque for a in drives.axes), rel=1e-13)
-        worst = max(r.required / r.allowed for axis in drives.axes for r in axis.ratings)
+        worst = max(r.required / r.limit for axis in drives.axes for r in axis.ratings)
         assert found["worst_utilisation"][0] == pytest.approx(worst, rel=1e-13)
         assert found["cost"][0] == 3 * (float(MOTORS[i].cost or 0) + float(SCREWS[j].cost or 0))
         assert found["drive_mass"][0] == pytest.approx(3 * (float(MOTORS[i].mass or 0) + 1.0), rel=1e-15)
@@ -104,7 +105,7 @@ def test_the_best_combination_is_that_of_all_of_them(objective: str, constraints
     for motor, screw in product(MOTORS, SCREWS):
         drives = sized(motor, screw)
         numbers = {
-            "worst_utilisation": max(r.required / r.allowed for a in drives.axes for r in a.ratings),
+            "worst_utilisation": max(r.required / r.limit for a in drives.axes for r in a.ratings),
             "rms_torque": max(axis.rms_torque for axis in drives.axes),
             "cost": 3 * (float(motor.cost or 0) + float(screw.cost or 0)),
             "drive_mass": 3 * (float(motor.mass or 0) + float(screw.mass or 0)),
@@ -191,6 +192,95 @@ def test_life_and_fastest_time_are_those_of_the_functions() -> None:
     assert asked.evaluate([0.25])["fastest_time"][0] == pytest.approx(time, rel=1e-12)
 
 
+MADE = Screw(0.010, diameter=0.0127, length=0.5, name="16x10", dynamic=9000.0, preload=450.0)
+
+
+def test_choices_keep_margins_surroundings_and_required_life_of_the_catalogue() -> None:
+    """As `size_drives` has them: a bound of 1 is what fits."""
+    hot, margins = Ambient(50.0, 2200.0), Margins(peak_torque=0.3, speed=0.05)
+    catalogue = Catalogue(MOTORS, [MADE], margins=margins, ambient=hot, life="60000 h")
+    asked = problem({"motor": "all"}, ["worst_utilisation", "life"], drives=catalogue)
+    forces = p3dof.design.forces_of_task(p3dof.load(), DUTY.plan)
+    sizings = p3dof.size_drives(p3dof.load(), forces, catalogue, frictionless=True)
+    by_motor = {sizing.drives[0].motor.name: sizing for sizing in sizings}
+    for k, motor in enumerate(MOTORS):
+        found, sizing = asked.choosing((k,)).evaluate(np.zeros((1, 0))), by_motor[motor.name]
+        ratings = [r for axis in sizing.axes for r in axis.ratings]
+        assert "life" in [r.name for r in ratings]
+        worst = max(r.required / (r.allowed * (1 - r.margin)) for r in ratings)
+        assert found["worst_utilisation"][0] == pytest.approx(worst, rel=1e-13)
+        assert (found["worst_utilisation"][0] <= 1) == sizing.fits
+        hours = min(axis.nut.hours for axis in sizing.axes if axis.nut is not None)
+        assert found["life"][0] == pytest.approx(hours, rel=1e-13)
+    warm = replace(MOTORS[1], rated_torque=0.01, peak_torque=5.0, brake_torque=9.0)  # its heat decides
+    used = [
+        problem({"R": (0.2, 0.3)}, drives=Catalogue([warm], [SCREWS[1]], ambient=where)).evaluate([0.25])
+        for where in (Ambient(), hot)
+    ]
+    cool, heated = (one["worst_utilisation"][0] for one in used)
+    assert heated / cool == pytest.approx(1 / 0.883176, rel=1e-5)  # as published for a maker's motors
+
+
+def test_the_least_life_is_that_of_nuts_and_bearings_together() -> None:
+    few = Duty(task(), 2.0, samples=15)
+    bearings = Bearings(Bearing(5100.0, 2400.0))
+    drives = Drive(MOTORS[2], MADE)
+    nuts, both, alone = (
+        DesignProblem({"R": (0.2, 0.3)}, objectives=["life"], tasks=few, **given).evaluate([0.25])["life"][0]
+        for given in ({"drives": drives}, {"drives": drives, "bearings": bearings}, {"bearings": bearings})
+    )
+    assert both == min(nuts, alone)
+    assert nuts != alone
+
+
+CHANGES: dict[str, Any] = {
+    "rest": lambda d: replace(d, rest=0.5),
+    "weight": lambda d: replace(d, weight=2.0),
+    "samples": lambda d: replace(d, samples=202),
+    "duration": lambda d: replace(d, duration=2.0 + 1e-12),
+    "pose": lambda d: replace(d, task=pointed(d.task, 2, pose=np.array(d.task.waypoints[2].pose) + 1e-15)),
+    "dwell": lambda d: replace(d, task=pointed(d.task, 1, dwell=0.2 + 1e-15)),
+    "payload": lambda d: replace(d, task=task(3.0 + 1e-15)),
+    "blend": lambda d: replace(d, task=pointed(d.task, 2, blend=0.025 - 1e-15)),
+    "name": lambda d: replace(d, task=replace(d.task, name="other")),
+    "profile": lambda d: replace(d, task=replace(d.task, profile="septic")),
+    "turning length": lambda d: replace(
+        d, task=replace(d.task, turning_length=d.task.turning_length + 1e-15)
+    ),
+}
+
+
+def pointed(of: Task, index: int, **changes: Any) -> Task:
+    points = list(of.waypoints)
+    points[index] = replace(points[index], **changes)
+    return replace(of, waypoints=points)
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_tasks_that_differ_anywhere_have_other_settings(what: str) -> None:
+    before, after = (problem(tasks=one).settings()["duties"]["tasks"] for one in (DUTY, CHANGES[what](DUTY)))
+    assert json.loads(json.dumps(before)) == before
+    assert before != after
+
+
+def test_parts_that_differ_anywhere_have_other_settings() -> None:
+    """Of the catalogue only the first motor and screw counted: others could go on with what was stored."""
+    known = problem().settings()
+    for catalogue in (
+        Catalogue([*MOTORS[:2], replace(MOTORS[2], peak_torque=3.8 + 1e-15)], SCREWS),
+        Catalogue(MOTORS, [*SCREWS[:2], replace(SCREWS[2], cost=85.5)]),
+        Catalogue(MOTORS, SCREWS, margins=Margins(speed=0.1)),
+        Catalogue(MOTORS, SCREWS, ambient=Ambient(41.0)),
+        Catalogue(MOTORS, SCREWS, life="1000 h"),
+    ):
+        assert problem(drives=catalogue).settings() != known
+    assert problem({**CHOICES, "motor": ["M100", "M200"]}).settings() != known
+    assert problem(drives=Catalogue(MOTORS, SCREWS)).settings() == known
+    bearings = [Bearings(Bearing(5100.0, load)) for load in (2400.0, 2400.0 + 1e-12)]
+    told = [problem(bearings=each).settings() for each in bearings]
+    assert told[0] != told[1]
+
+
 BAD = [
     ({"tasks": ()}, "drives: expected tasks beside them"),
     ({"motion": p3dof.paper_motion(11)}, "tasks: expected no motion"),
@@ -253,7 +343,11 @@ def test_a_file_with_tasks_tells_motor_and_screw(
     fits = [
         (3 * (float(motor.cost or 0) + 70), motor.name)
         for motor, lead in product(MOTORS, (0.005, 0.01, 0.016))
-        if sized(motor, replace(SCREWS[1], lead=lead)).worst[1].share <= 0.8
+        if all(
+            r.required <= 0.8 * r.limit
+            for a in sized(motor, replace(SCREWS[1], lead=lead)).axes
+            for r in a.ratings
+        )
     ]
     assert (optimum.value, optimum.problem.choice["motor"]) == min(fits)
     assert optimum.problem.choice["motor"] in told

@@ -51,6 +51,7 @@ from p3dof.design.optimisation.task_measures import (
     Duty,
     OverTasks,
     Together,
+    plain,
     require_together,
     with_lead,
 )
@@ -363,7 +364,10 @@ class Statement:
 
     def settings(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain data."""
-        return settings_of(self.setting, Asked(self.variables, self.objectives, self.constraints))
+        found = settings_of(self.setting, Asked(self.variables, self.objectives, self.constraints))
+        if self.discrete:
+            found["discrete"] = {item.label: plain(item.values) for item in self.discrete}
+        return found
 
     def machine(self, design: Any) -> Parameters:
         """Return a design as a machine.
@@ -471,7 +475,7 @@ def _duties(
                 f"variables={{{label!r}: 'all'}} tries all"
             )
     drive = Drive(catalogue.motors[0], catalogue.transmissions[0], catalogue.gears[0])
-    return Duties(duties, together, drive, bearings)
+    return Duties(duties, together, drive, bearings, catalogue)
 
 
 def _require_not_carried(name: str, work: Duties | None) -> None:

@@ -2,20 +2,20 @@
 
 Measures of a motion are taken over each part of a task with what is carried there, and put together: the
 worst part, the root of the mean square over time, or the sum; then the worst task, or the weighted mean.
-Those of drives and bearings are those of `p3dof.size_drives` and `p3dof.design.bearing_life`; their
+Those of drives and bearings are those of `p3dof.size_drives` and `p3dof.design.bearing_life`, with margins,
+surroundings and required life of the catalogue; their
 gradients are central differences.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, partial
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from p3dof._base.blocks import digest
 from p3dof._base.checks import FloatArray, Readable, meant, not_negative, positive, shown
 from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.time_series.times import sample_count
@@ -134,6 +134,7 @@ class Duties:
     together: Together = "worst"
     drive: Drive | None = None
     bearings: Bearings | None = None
+    catalogue: Catalogue | None = None  # whose margins, surroundings and required life hold for all drives
     known: dict[Any, Any] = field(default_factory=dict, repr=False)  # cycles of machines, whatever the drive
 
     def cases(self, setting: Setting) -> Iterator[LoadCase]:
@@ -152,21 +153,13 @@ class Duties:
         return replace(self, tasks=tuple(duty.finer(times) for duty in self.tasks), known={})
 
     def settings(self) -> dict[str, Any]:
-        """Return what results depend on, as plain data."""
-        tasks = [
-            [
-                duty.weight,
-                duty.rest,
-                *(digest(p.motion.time, p.motion.pose, p.wrench) for p in duty.plan.pieces),
-            ]
-            + [None if p.payload is None else p.payload.to_dict() for p in duty.plan.pieces]
-            for duty in self.tasks
-        ]
+        """Return what results depend on, as plain data: whatever differs in a task or a part differs here."""
         return {
-            "tasks": tasks,
+            "tasks": [plain(duty) for duty in self.tasks],
             "together": self.together,
-            "drive": repr(self.drive),
-            "bearings": repr(self.bearings),
+            "drive": plain(self.drive),
+            "catalogue": plain(self.catalogue),
+            "bearings": plain(self.bearings),
         }
 
     def drive_of(self, population: Population, index: int) -> Drive:
@@ -189,8 +182,17 @@ class Duties:
     def sizing(self, population: Population, index: int, duty: int) -> Sizing:
         """Return what a task takes of the drives of a design."""
         cycle, held, when, mass = self._cycle(population, index, duty)
-        drive = self.drive_of(population, index)
-        return size_of(cycle, drive, held=held, held_time=when, load_mass=mass)
+        drive, of = self.drive_of(population, index), self.catalogue
+        return size_of(
+            cycle,
+            drive,
+            held=held,
+            held_time=when,
+            load_mass=mass,
+            margins=None if of is None else of.margins,
+            ambient=None if of is None else of.ambient,
+            life=None if of is None else of.life,
+        )
 
     def _cycle(
         self, population: Population, index: int, duty: int
@@ -211,14 +213,22 @@ class Duties:
         task = self.tasks[duty]
         return Manipulator(population.designs[index]), task.moved(_offset(population, index)), task.rest
 
-    def life(self, population: Population, index: int, duty: int) -> float:
-        """Return the least life of bearings and guides [h]."""
-        if self.bearings is None:
-            raise InputError("life: needs bearings: bearings=...")
-        robot, plan, rest = self._robot(population, index, duty)
-        report = bearing_life(robot.parameters, reactions_of_task(robot, plan), self.bearings, rest=rest)
-        lives = [one.hours for one in report.bearings] + [one.hours for one in report.guides]
-        return float(min(lives, default=np.inf))
+    def lives(self, population: Population, index: int, duty: int) -> dict[str, float]:
+        """Return the lives of ball nuts, whose dynamic rating is known, and the least of bearings [h]."""
+        found: dict[str, float] = {}
+        if self.bearings is not None:
+            robot, plan, rest = self._robot(population, index, duty)
+            report = bearing_life(robot.parameters, reactions_of_task(robot, plan), self.bearings, rest=rest)
+            lives = [one.hours for one in report.bearings] + [one.hours for one in report.guides]
+            found["bearings"] = float(min(lives, default=np.inf))
+        if self.drive is not None:
+            axes = self.sizing(population, index, duty).axes
+            found |= {f"nut {leg}": axis.nut.hours for leg, axis in enumerate(axes) if axis.nut is not None}
+        if not found:
+            raise InputError(
+                "life: needs bearings, or a screw with a dynamic rating: bearings=..., drives=..."
+            )
+        return found
 
     def fastest(self, population: Population, index: int, duty: int) -> float:
         """Return the least time of a task within force and speed of the machine's limits [s]."""
@@ -241,6 +251,23 @@ def _payload(body: Body) -> dict[str, float]:
     found |= {f"payload.com.{axis}": float(body.com[k]) for k, axis in enumerate("xyz")}
     pairs = {a + b: inertia["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")}
     return found | {f"payload.inertia.{axes}": float(value) for axes, value in pairs.items()}
+
+
+def plain(value: Any) -> Any:
+    """Return what an object is made of as plain data, to the last digit."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return number if np.isfinite(number) else repr(number)  # JSON has no others
+    if is_dataclass(value):
+        own = {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        return {"": type(value).__name__, **own}
+    if isinstance(value, Mapping):
+        return {str(name): plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value if isinstance(value, str | int | None) else repr(value)
 
 
 def with_lead(drive: Drive, lead: float) -> Drive:
@@ -427,8 +454,8 @@ class OfDrives(OfDesigns):
         if self.name == "rms_torque":
             return {str(leg): axis.rms_torque for leg, axis in enumerate(sizing.axes)}
         return {
-            f"{leg} {rating.name}": rating.required / rating.allowed
-            if rating.allowed > 0
+            f"{leg} {rating.name}": rating.required / rating.limit
+            if rating.limit > 0
             else (np.inf if rating.required > 0 else 0.0)
             for leg, axis in enumerate(sizing.axes)
             for rating in axis.ratings
@@ -459,11 +486,11 @@ class OfDrives(OfDesigns):
 
 
 class OfBearings(OfDrives):
-    """The least life of bearings and guides over a task."""
+    """The least life of bearings, guides and ball nuts over a task."""
 
     def of_task(self, population: Population, index: int, duty: int) -> dict[str, float]:
         """Return it of one design."""
-        return {"": duties_of(population, self.name).life(population, index, duty)}
+        return duties_of(population, self.name).lives(population, index, duty)
 
 
 @dataclass(frozen=True)
@@ -494,10 +521,13 @@ class OfParts(OfDesigns):
 OF_TASKS = (
     OfDrives("rms_torque", "N m", "small", "largest rms torque of a motor over a task", over="task"),
     OfDrives(
-        "worst_utilisation", "", "small", "largest required by rated value of all drives",
+        "worst_utilisation", "", "small",
+        "largest required value of all drives by what the margin leaves of the rated one",
         over="task",
     ),
-    OfBearings("life", "h", "large", "least life L10 of bearings and guides over a task", over="task"),
+    OfBearings(
+        "life", "h", "large", "least life L10 of bearings, guides and ball nuts over a task", over="task"
+    ),
     OfParts("cost", "", "small", "cost of the drives of all axes, in the unit of the catalogue"),
     OfParts("drive_mass", "kg", "small", "mass of the drives of all axes", column="mass"),
 )  # fmt: skip
