@@ -274,7 +274,7 @@ def archives() -> list[bytes]:
 
 def used_run(path: Path) -> None:
     run = p3dof.Simulation.load(path)
-    assert all(np.isfinite(column).all() for column in run.columns().values())
+    assert all(np.isfinite(column).all() for column in run.to_columns().values())
 
 
 _FOLDERS: dict[str, Path] = {}

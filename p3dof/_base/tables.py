@@ -1,18 +1,28 @@
-"""`Table`: texts and numbers in rows and columns, for a page, a notebook and a terminal alike."""
+"""`Table`: texts and numbers for page, notebook and terminal; `Tabular`: columns for files and libraries."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 from html import escape
-from typing import Literal, TypeAlias
+from pathlib import Path
+from typing import Any, ClassVar, Literal, TypeAlias
 
-from p3dof._base.checks import Readable
+import numpy as np
+from numpy.typing import NDArray
+
+from p3dof._base.checks import Readable, name_and_unit
+from p3dof._base.errors import MissingExtraError
+from p3dof._base.files import write_table
 
 Cell: TypeAlias = float | str
 """A number that is written by what shows the table, or a text that stands as it is."""
+
+Columns: TypeAlias = dict[str, NDArray[Any]]
+"""Columns by their names, with SI units where they have one."""
 
 Layout: TypeAlias = Literal["plain", "wide", "words", "list"]
 """Numbers in few columns or in many, words, or words in many rows."""
@@ -181,3 +191,92 @@ class ShownInNotebook(Readable):
 
     def _repr_html_(self) -> str:
         return html_of(self)
+
+
+class Tabular(Readable):
+    """Base of results with rows: a result states its columns once, and files and data frames follow."""
+
+    _row_name: ClassVar[str] = "t"  # what the rows are counted by: the dimension of a Dataset
+
+    def to_columns(self) -> Columns:
+        """Return all columns, one value a row, by their names with SI units, such as ``"power [W]"``.
+
+        What takes arrays by name takes them too: ``polars.DataFrame(result.to_columns())``.
+        """
+        raise NotImplementedError
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the columns to a CSV file that reads back to the same bits: up to 17 significant digits.
+
+        Parameters
+        ----------
+        path : path-like
+            The file; replaced whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If its name does not end in ``.csv``.
+        FileError
+            If the file cannot be written.
+        """
+        columns = self.to_columns()
+        return write_table(path, list(columns), tuple(columns.values()))
+
+    def to_dataframe(self) -> Any:
+        """Return the columns as a `pandas.DataFrame`, their SI units by name in ``attrs["units"]``.
+
+        Raises
+        ------
+        MissingExtraError
+            If pandas is not installed.
+        """
+        try:
+            import pandas as pd  # type: ignore[import-untyped,import-not-found,unused-ignore]
+        except ImportError as error:
+            raise MissingExtraError("to_dataframe needs pandas: pip install 'p3dof[xarray]'") from error
+        columns = self.to_columns()
+        frame = pd.DataFrame(columns)
+        frame.attrs["units"] = {name: unit for name in columns if (unit := name_and_unit(name)[1])}
+        return frame
+
+    def to_dataset(self) -> Any:
+        """Return the columns as an `xarray.Dataset`, with SI units as attributes.
+
+        Raises
+        ------
+        MissingExtraError
+            If xarray is not installed.
+        """
+        return dataset_of(self.to_columns(), self._row_name)
+
+
+POSE_COLUMNS = ("y [m]", "z [m]", "theta [rad]")
+"""What the columns of a pose are called, of the machine that this package has closed forms of."""
+
+
+def columns_by(form: str, names: Iterable[str], values: NDArray[Any]) -> Columns:
+    """Return the columns of an array (..., k), by a form such as ``"f{} [N]"`` and k names."""
+    columns = np.moveaxis(values, -1, 0).reshape(values.shape[-1], -1)
+    return {form.format(name): column for name, column in zip(names, columns, strict=True)}
+
+
+def columns_of_items(items: Sequence[object], fields: Mapping[str, str]) -> Columns:
+    """Return what items have in common as columns, by what each field is to be called."""
+    return {name: np.array([getattr(one, field) for one in items]) for name, field in fields.items()}
+
+
+def dataset_of(columns: Mapping[str, NDArray[Any]], row: str) -> Any:
+    """Return columns as a Dataset; the one that is called as its dimension, or else a number, counts rows."""
+    try:
+        import xarray  # type: ignore[import-not-found,unused-ignore]
+    except ImportError as error:
+        raise MissingExtraError("to_dataset needs xarray: pip install 'p3dof[xarray]'") from error
+    found: dict[str, Any] = {}
+    for header, values in columns.items():
+        name, unit = name_and_unit(header)
+        name = header if name in found else name  # a name twice, with two units
+        found[name] = (row, values, {"units": unit} if unit else {})
+    if row not in found:
+        found[row] = (row, np.arange(len(next(iter(columns.values()), ()))))
+    return xarray.Dataset(found)

@@ -136,7 +136,6 @@ def calibrate(
     measures; others keep the values of the design.
     """
     from p3dof.analysis.tolerances import calibrate_machine, machine_calibration_tables, plan_machine
-    from p3dof.analysis.tolerances.calibration import legs_of
     from p3dof.loops.identification.calibration import plan_table
 
     protect((data, parameters), (out, figure))
@@ -164,7 +163,7 @@ def calibrate(
 
     def save(path: Path) -> Path:
         if path.suffix.lower() == ".csv":
-            return write_table(path, *legs_of(found))
+            return found.to_csv(path)
         write_parameters(found.machine, path)
         return path
 

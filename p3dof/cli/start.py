@@ -146,7 +146,7 @@ EXTRAS = {
     "mjcf": ("MJCF files of other robots", "mujoco"),
     "models": ("robots by name (example-robot-data)", "example-robot-data-loaders"),
     "tables": ("tables in Parquet", "pyarrow"),
-    "xarray": ("results as labelled arrays", "xarray"),
+    "xarray": ("results as labelled arrays and data frames", "pandas xarray"),
     "usd": ("USD files", "usd-core"),
     "xacro": ("robots with macros", "xacro"),
     "jax": ("forces as functions of JAX arrays", "jax"),

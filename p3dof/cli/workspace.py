@@ -346,10 +346,7 @@ def indices(
     drives = DRIVE if drive_stiffness is None else list(drive_stiffness.values())
     found = case.robot.indices(where, length, drive_stiffness=drives, rods=rods)
     columns = columns_of(found, wanted)
-    table = {"y [m]": where[:, 0], "z [m]": where[:, 1], "theta [rad]": where[:, 2]}
-    if not poses:
-        table = {"t [s]": case.motion.time, **table}
-    table |= {f"{name} [{COLUMNS[name].unit_of(name)}]": values for name, values in columns.items()}
+    table = ({} if poses else {"t [s]": case.motion.time}) | found.to_columns(*wanted)
     write_results(lambda path: write_table(path, list(table), tuple(table.values())), out)
     console = Console(stderr=True) if as_json else case.console(out)
     if as_json:

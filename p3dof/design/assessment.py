@@ -14,8 +14,11 @@ from p3dof._base.errors import InputError
 from p3dof._base.tables import (
     NONE,
     Cell,
+    Columns,
     ShownInNotebook,
     Table,
+    Tabular,
+    columns_of_items,
     html_of,
     notebook_html,
     number,
@@ -41,7 +44,7 @@ from p3dof.design.drives import (
     required_life,
 )
 from p3dof.design.drives.margins import verdict_of
-from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, WHIRL
+from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, RATING_COLUMNS, WHIRL
 from p3dof.design.fastest import unseen_limits, uses_of_task
 from p3dof.design.forces_of_tasks import (
     USUAL_FRICTION,
@@ -137,7 +140,7 @@ class RatingUse:
 
 
 @dataclass(frozen=True, eq=False)
-class Assessment(ShownInNotebook):
+class Assessment(ShownInNotebook, Tabular):
     """A machine and what it has to do: whether it fits, by all ratings that are known.
 
     Parameters
@@ -170,6 +173,8 @@ class Assessment(ShownInNotebook):
         What stands in where nothing was given, besides what ratings tell.
     """
 
+    _row_name = "rating"
+
     name: str
     robot: Manipulator
     found: InverseDynamics | TaskForces
@@ -183,6 +188,12 @@ class Assessment(ShownInNotebook):
     clearance: Clearance | None = None
     stops: tuple[StopLoads, ...] = ()
     assumed: tuple[str, ...] = ()
+
+    def to_columns(self) -> Columns:
+        """Return every rating with what is required and allowed, by name; one a row, the worst first."""
+        return columns_of_items(
+            self.ratings, {"kind": "kind", "part": "part", **RATING_COLUMNS, "place": "place"}
+        )
 
     def __repr__(self) -> str:
         return f"Assessment({self.name}: {self.verdict})"

@@ -36,7 +36,18 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative,
 from p3dof._base.errors import InputError, MissingExtraError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import ANGLE, LENGTH, Quantity
-from p3dof._base.tables import NONE, Cell, ShownInNotebook, Table, html_of, notebook_html, number
+from p3dof._base.tables import (
+    NONE,
+    POSE_COLUMNS,
+    Cell,
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    number,
+)
 from p3dof.analysis.workspace import Workspace
 from p3dof.closed_form.kinematics import mechanism_motion
 from p3dof.design.forces_of_tasks import TaskForces
@@ -540,7 +551,7 @@ class Approach(Readable):
 
 
 @dataclass(frozen=True, eq=False)
-class Clearance(ShownInNotebook, Readable):
+class Clearance(ShownInNotebook, Tabular):
     """Least distances of all pairs of parts that are no neighbours, over a motion or a workspace.
 
     Parameters
@@ -582,6 +593,12 @@ class Clearance(ShownInNotebook, Readable):
 
     def __repr__(self) -> str:
         return f"Clearance({self.verdict})"
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, pose and the distance of each pair at each sample, (N,) each, by name and unit."""
+        pairs = [" and ".join(pair) for pair in self.pairs]
+        pose = columns_by("{}", POSE_COLUMNS, self.pose)
+        return {"t [s]": self.time} | pose | columns_by("{} [m]", pairs, self.distances)
 
     @property
     def least(self) -> Approach:

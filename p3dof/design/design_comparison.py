@@ -19,7 +19,19 @@ import pinocchio as pin
 from p3dof._base.checks import FloatArray, Progress, Readable, shown
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.files import suffix_of, write_atomic
-from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, percent, table_of
+from p3dof._base.tables import (
+    NONE,
+    Columns,
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    number,
+    percent,
+    table_of,
+)
 from p3dof.analysis.load_friction import LoadFriction
 from p3dof.analysis.reactions import JOINTS, Stiffness
 from p3dof.design.assessment import Assessment, as_result, assess
@@ -88,7 +100,7 @@ class DesignMeasure(Readable):
 
 
 @dataclass(frozen=True, eq=False)
-class DesignComparison(ShownInNotebook):
+class DesignComparison(ShownInNotebook, Tabular):
     """Machines over a task, or a machine over tasks, side by side.
 
     Parameters
@@ -98,6 +110,8 @@ class DesignComparison(ShownInNotebook):
     assessments : tuple of Assessment
         The designs, by their names; differences are against the first.
     """
+
+    _row_name = "measure"
 
     title: str
     assessments: tuple[Assessment, ...]
@@ -149,9 +163,21 @@ class DesignComparison(ShownInNotebook):
         ]
         return {"title": self.title, "designs": designs, "measures": measures}
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the measures to a CSV file, 17 significant digits; errors as `DesignForces.to_csv`."""
-        return write_comparisons([self], path)
+    def to_columns(self) -> Columns:
+        """Return measures with units, values, differences in percent and the best; one measure a row."""
+        first, *others = self.names
+        values = np.array([one.values for one in self.measures])
+        percents = 100 * np.array([one.differences for one in self.measures])
+        best = ["" if one.best is None else self.names[one.best] for one in self.measures]
+        return {
+            "over": np.full(len(best), self.title),
+            "measure": np.array([one.name for one in self.measures]),
+            "unit": np.array([one.unit for one in self.measures]),
+            **columns_by("{}", self.names, values),
+            **columns_by(f"{{}} against {first} [%]", others, percents[:, 1:]),
+            "better": np.array([one.better for one in self.measures]),
+            "best": np.array(best),
+        }
 
 
 def write_comparisons(found: Sequence[DesignComparison], path: str | os.PathLike[str]) -> Path:
@@ -159,14 +185,10 @@ def write_comparisons(found: Sequence[DesignComparison], path: str | os.PathLike
     suffix_of(path, "table")
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    for one in found:
-        others = [f"{name} against {one.names[0]} [%]" for name in one.names[1:]]
-        writer.writerow(["over", "measure", "unit", *one.names, *others, "better", "best"])
-        for measure in one.measures:
-            values = [f"{value:.17g}" for value in measure.values]
-            more = [f"{100 * value:.17g}" for value in measure.differences[1:]]
-            best = "" if measure.best is None else one.names[measure.best]
-            writer.writerow([one.title, measure.name, measure.unit, *values, *more, measure.better, best])
+    for columns in (one.to_columns() for one in found):
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow(cell if isinstance(cell, str) else f"{cell:.17g}" for cell in row)
     return write_atomic(path, text.getvalue())
 
 

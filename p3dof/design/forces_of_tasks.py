@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Literal, TypeVar, overload
 
 import numpy as np
@@ -14,8 +12,18 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import InputError, SampleError
-from p3dof._base.files import write_table
-from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import (
+    NONE,
+    POSE_COLUMNS,
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+)
 from p3dof.analysis.load_friction import LoadFriction, SlideContact
 from p3dof.analysis.reactions import (
     AnyReactions,
@@ -41,7 +49,7 @@ from p3dof.methods.utilisation import Utilisation, utilisations
 
 
 @dataclass(frozen=True, eq=False)
-class TaskForces(ShownInNotebook):
+class TaskForces(ShownInNotebook, Tabular):
     """Actuator forces over a planned task, piece by piece.
 
     Parameters
@@ -142,19 +150,20 @@ class TaskForces(ShownInNotebook):
             columns["force"] = columns["speed"] = np.full_like(self.forces, np.nan)
         return utilisations(self.time, columns, limits)
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, forces, power and pose of all samples to a CSV file, 17 significant digits.
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, forces, power, pose and payload of all samples, (N,) each, by name and unit.
 
-        With armatures, forces at the nuts follow those of the actuators; errors as `InverseDynamics.to_csv`.
+        With armatures, forces at the nuts follow those of the actuators.
         """
         pose = np.concatenate([result.motion.pose for result in self.results])
         carried = [0.0 if piece.payload is None else piece.payload.mass for piece in self.plan.pieces]
         mass = np.concatenate([np.full(len(r.time), m) for r, m in zip(self.results, carried, strict=True)])
-        nuts = self.nut_forces.T if any(result.armature.any() for result in self.results) else ()
-        header = ["t [s]", *(f"f{leg} [N]" for leg in LEGS)]
-        header += [*(f"nut {leg} [N]" for leg in LEGS if len(nuts)), "power [W]"]
-        header += ["y [m]", "z [m]", "theta [rad]", "carried [kg]"]
-        return write_table(path, header, (self.time, *self.forces.T, *nuts, self.power, *pose.T, mass))
+        found = {"t [s]": self.time, **columns_by("f{} [N]", LEGS, self.forces)}
+        if any(result.armature.any() for result in self.results):
+            found |= columns_by("nut {} [N]", LEGS, self.nut_forces)
+        found |= {"power [W]": self.power}
+        found |= columns_by("{}", POSE_COLUMNS, pose)
+        return found | {"carried [kg]": mass}
 
 
 def forces_of_task(

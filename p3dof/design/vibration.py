@@ -7,12 +7,10 @@ Syst. Meas. Control 112 (1990) 76. The parameter of each way is shaped, not the 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -29,8 +27,7 @@ from p3dof._base.checks import (
     shown,
 )
 from p3dof._base.errors import InputError, SampleError
-from p3dof._base.files import write_table
-from p3dof._base.tables import NONE, Table, number, percent
+from p3dof._base.tables import NONE, Table, Tabular, columns_by, number, percent
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.design.tasks import Piece, Plan
@@ -286,7 +283,7 @@ def _shaped_at(modes: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class MotorReferences(Readable):
+class MotorReferences(Tabular):
     """Where the motors of elastic drives have to be, so that the platform follows a plan.
 
     Parameters
@@ -303,21 +300,10 @@ class MotorReferences(Readable):
     positions: FloatArray
     velocities: FloatArray
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write times, positions and velocities to a CSV file, 17 significant digits.
-
-        Parameters
-        ----------
-        path : path-like
-            The file.
-
-        Raises
-        ------
-        InputError, FileError
-            If it does not end in ``.csv``, or cannot be written.
-        """
-        header = ["t [s]", *(f"motor {leg} [m]" for leg in LEGS), *(f"rate {leg} [m/s]" for leg in LEGS)]
-        return write_table(path, header, (self.time, *self.positions.T, *self.velocities.T))
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return times, positions and velocities, (N,) each, by name and unit."""
+        places = columns_by("motor {} [m]", LEGS, self.positions)
+        return {"t [s]": self.time} | places | columns_by("rate {} [m/s]", LEGS, self.velocities)
 
 
 def motor_references(found: TaskForces, drive_stiffness: ArrayLike) -> MotorReferences:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -15,9 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Progress, Readable, Watch, frozen_array
 from p3dof._base.errors import InputError, SampleError
-from p3dof._base.files import write_table
 from p3dof._base.samples import OnInvalid
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, table_of, time_text
+from p3dof._base.tables import (
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    table_of,
+    time_text,
+)
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.machine.motion import Motion, WrenchOverTime
 from p3dof.machine.motion.core import require_motion
@@ -85,7 +91,7 @@ class Opinion(Readable):
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(ShownInNotebook):
+class Comparison(ShownInNotebook, Tabular):
     """The same motion by two methods that share nothing but the parameters, and by others.
 
     Parameters
@@ -217,26 +223,14 @@ class Comparison(ShownInNotebook):
         """What a reader of these numbers should know; see `InverseDynamics.warnings`."""
         return self.second.warnings
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write the forces by all, and the difference of the two methods, to a CSV file.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
-        """
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return the forces by all, and the difference of the two methods, (N,) each, by name and unit."""
         named = {result.method: result.forces for result in (self.first, self.second)}
         named |= {opinion.name: opinion.forces for opinion in self.engines}
-        header = ["t [s]", *(f"f{leg} {name} [N]" for name in named for leg in LEGS)]
-        header += [f"difference {leg} [N]" for leg in LEGS]
-        tables = [*named.values(), self.first.forces - self.second.forces]
-        columns = (self.first.time, *(column for table in tables for column in table.T))
-        return write_table(path, header, columns)
+        found = {"t [s]": self.first.time}
+        for name, forces in named.items():
+            found |= columns_by(f"f{{}} {name} [N]", LEGS, forces)
+        return found | columns_by("difference {} [N]", LEGS, self.first.forces - self.second.forces)
 
     def _share(self, difference: float) -> float:
         largest = float(self.second.force_scale.max())

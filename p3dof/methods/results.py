@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.files import write_table
 from p3dof._base.tables import (
     NONE,
+    POSE_COLUMNS,
     ShownInNotebook,
     Table,
+    Tabular,
+    columns_by,
     html_of,
     notebook_html,
     number,
@@ -31,7 +31,7 @@ from p3dof.methods.utilisation import Exceedance, Utilisation, exceedances_of, u
 
 
 @dataclass(frozen=True, eq=False)
-class InverseDynamics(Later, ShownInNotebook):
+class InverseDynamics(Later, ShownInNotebook, Tabular):
     """Actuator forces over a motion, with the evidence that they are right.
 
     What forces do not need (joints, power, evidence other than `actuation`) is found when it is first asked
@@ -238,39 +238,18 @@ class InverseDynamics(Later, ShownInNotebook):
         used = {"force": forces, "speed": speeds, "travel": self.sliders, "tilt": self.motion.pose[:, 2:]}
         return utilisations(self.time, used, limits)
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, forces, pose, sliders, closure error and power to a CSV file, 17 significant digits.
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, forces, pose, sliders, closure error and power, (N,) each, by name and unit.
 
         With armatures, forces at the nuts follow those of the actuators.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
         """
-        header = ["t [s]"]
-        header += [f"f{leg} [N]" for leg in LEGS]
-        nuts = self.nut_forces.T if self.armature.any() else ()
-        header += [f"nut {leg} [N]" for leg in LEGS] if len(nuts) else []
-        header += ["y [m]", "z [m]", "theta [rad]"]
-        header += [f"slider {leg} [m]" for leg in LEGS]
-        header += ["closure_error [m]", "power [W]", "power_residual [W]"]
-        columns = (
-            self.time,
-            *self.forces.T,
-            *nuts,
-            *self.motion.pose.T,
-            *self.sliders.T,
-            self.closure_error,
-            self.power,
-            self.power_residual,
-        )
-        return write_table(path, header, columns)
+        found = {"t [s]": self.time, **columns_by("f{} [N]", LEGS, self.forces)}
+        if self.armature.any():
+            found |= columns_by("nut {} [N]", LEGS, self.nut_forces)
+        found |= columns_by("{}", POSE_COLUMNS, self.motion.pose)
+        found |= columns_by("slider {} [m]", LEGS, self.sliders)
+        found |= {"closure_error [m]": self.closure_error}
+        return found | {"power [W]": self.power, "power_residual [W]": self.power_residual}
 
 
 def with_evidence(

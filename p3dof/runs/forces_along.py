@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, Watch
 from p3dof._base.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
-from p3dof._base.files import Source, called, read_text, write_table
+from p3dof._base.files import Source, called, read_text
+from p3dof._base.tables import Tabular
 from p3dof._base.time_series.joint_files import JointCurve, read_joints
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof._base.time_series.wrenches import WrenchHistory
@@ -37,7 +37,7 @@ def _unwatched(_name: str, _total: int) -> AbstractContextManager[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class RobotForces:
+class RobotForces(Tabular):
     """Forces along a motion, with the motion of all joints."""
 
     robot: ClosedLoopModel  # what moves
@@ -55,26 +55,23 @@ class RobotForces:
         """Forces of the actuated joints, as a run in time calls them."""
         return self.tau
 
-    def to_csv(self, path: Path) -> Path:
-        """Write times, actuated joints, their forces and all joints; see `p3dof._base.files.write_table`."""
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return times, forces of the actuated joints, and all joints, (N,) each, by name and unit."""
         units = units_of_actuated(self.robot)
         rows = [joint_values(self.robot, q) for q in self.q]
-        header = ["t [s]"]
-        header += [
-            f"force {name} [{unit}]" for name, (_, unit) in zip(self.robot.actuated, units, strict=True)
-        ]
-        columns = [self.time, *self.tau.T]
+        found = {"t [s]": self.time}
+        for k, (name, (_, unit)) in enumerate(zip(self.robot.actuated, units, strict=True)):
+            found[f"force {name} [{unit}]"] = self.tau[:, k]
         for name in rows[0]:
             values = np.array([row[name] for row in rows])
             joint = self.robot.model.getJointId(name)
-            if self.robot.model.nvs[joint] == 1:
-                turns = values[:, 0] if is_slide(self.robot, joint) else np.unwrap(values[:, 0])
-                header.append(f"{name} [{'m' if is_slide(self.robot, joint) else 'rad'}]")
-                columns.append(turns)
+            if self.robot.model.nvs[joint] != 1:
+                found |= {f"{name}.{i}": column for i, column in enumerate(values.T)}
+            elif is_slide(self.robot, joint):
+                found[f"{name} [m]"] = values[:, 0]
             else:
-                header += [f"{name}.{i}" for i in range(values.shape[1])]
-                columns += list(values.T)
-        return write_table(path, header, tuple(columns))
+                found[f"{name} [rad]"] = np.unwrap(values[:, 0])
+        return found
 
 
 def forces_along(

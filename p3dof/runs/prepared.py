@@ -247,7 +247,7 @@ class _Lines:
         self._stream, self._begun = stream, False
 
     def __call__(self, part: Simulation) -> None:
-        columns = part.columns()
+        columns = part.to_columns()
         if not self._begun:
             self._stream.write(csv_line(columns))
         self._begun = True

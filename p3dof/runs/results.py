@@ -13,6 +13,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import FileError, InputError
 from p3dof._base.files import called, suffix_of, write_atomic, write_table
+from p3dof._base.tables import Tabular
 from p3dof.loops import BatchReactions, ClosedLoopModel, ClosureJoint, ReactionSolver, reactions_batch
 from p3dof.loops.tables import is_slide, units_of_actuated
 from p3dof.runs import archive
@@ -136,7 +137,7 @@ class RunResult:
 
 
 @dataclass(frozen=True, eq=False)
-class RobotRun(RunResult):
+class RobotRun(RunResult, Tabular):
     """A simulation of any robot.
 
     Parameters
@@ -282,7 +283,7 @@ class RobotRun(RunResult):
                 )
         return tuple(found)
 
-    def columns(self, multipliers: bool = False) -> dict[str, FloatArray]:
+    def to_columns(self, multipliers: bool = False) -> dict[str, FloatArray]:
         """Return time, joints, velocities, forces, energy and gap (N,) by name; and `multipliers`."""
         model, names = self.loop.model, [str(name) for name in self.loop.model.names[1:]]
         header, columns = ["t [s]"], [self.time]
@@ -322,7 +323,7 @@ class RobotRun(RunResult):
             If its name does not fit, or it cannot be written.
         """
         if suffix_of(path, "run") == ".csv":
-            columns = self.columns(multipliers)
+            columns = self.to_columns(multipliers)
             return write_table(path, list(columns), tuple(columns.values()))
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays["joint_names"] = np.array(list(self.loop.model.names)[1:], dtype=np.str_)

@@ -12,8 +12,17 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import FileError, InputError, MotionError
-from p3dof._base.files import called, suffix_of, write_atomic, write_table
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of, time_text
+from p3dof._base.files import called, suffix_of, write_atomic
+from p3dof._base.tables import (
+    ShownInNotebook,
+    Table,
+    Tabular,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+    time_text,
+)
 from p3dof.analysis.reactions import Reactions, Stiffness, Way
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled import runs
@@ -54,7 +63,7 @@ _WRENCH = ("Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]")
 
 
 @dataclass(frozen=True, eq=False)
-class Simulation(RunResult, ShownInNotebook):
+class Simulation(RunResult, ShownInNotebook, Tabular):
     """A run of the machine: its motion, the forces on it, and why it ended.
 
     Parameters
@@ -210,7 +219,7 @@ class Simulation(RunResult, ShownInNotebook):
             raise InputError("parameters: a file does not hold the machine of a run; load(path, parameters)")
         return self.parameters
 
-    def columns(self) -> dict[str, FloatArray]:
+    def to_columns(self) -> dict[str, FloatArray]:
         """Return the samples as named columns of numbers, shape (N,) each; the names hold the units."""
         found: dict[str, FloatArray] = {"t [s]": self.time}
         tables = [
@@ -218,7 +227,7 @@ class Simulation(RunResult, ShownInNotebook):
             (_DOTTED, self.velocity),
             (_TWICE, self.acceleration),
             (tuple(f"slider {leg} [m]" for leg in LEGS), self.sliders),
-            (tuple(f"slider {leg} [m/s]" for leg in LEGS), self.slider_velocities),
+            (tuple(f"slider velocity {leg} [m/s]" for leg in LEGS), self.slider_velocities),
             (tuple(f"f{leg} [N]" for leg in LEGS), self.forces),
             (tuple(f"f{leg} asked [N]" for leg in LEGS), self.asked),
             (_WRENCH, self.wrench),
@@ -247,8 +256,7 @@ class Simulation(RunResult, ShownInNotebook):
             If the file cannot be written.
         """
         if suffix_of(path, "run") == ".csv":
-            columns = self.columns()
-            return write_table(path, list(columns), tuple(columns.values()))
+            return self.to_csv(path)
         arrays = {
             "time": self.time,
             "pose": self.pose,

@@ -10,7 +10,7 @@ from table_numbers import check_table, shows
 import p3dof
 from p3dof._base.errors import AssemblyError, InputError, ReachError
 from p3dof.analysis.tolerances import calibrate_machine, machine_calibration_tables, plan_machine
-from p3dof.analysis.tolerances.calibration import ALL, _candidates, _Problem, legs_of
+from p3dof.analysis.tolerances.calibration import ALL, _candidates, _Problem
 from p3dof.analysis.tolerances.pose import NAMES, closures, pose_gradient, solved
 from p3dof.closed_form.kinematics import forward_kinematics
 from p3dof.loops import Measurements
@@ -190,8 +190,8 @@ def test_every_number_of_the_tables():
         dict(zip(("the design", "one R, r, L, and encoders", "all legs of their own"), rms, strict=True)),
     )
     assert np.abs(left).max() < 1e-3
-    header, (names, R, *_, encoder) = legs_of(found)
-    assert header[1] == "R [m]"
+    columns = found.to_columns()
+    names, R, encoder = (columns[name] for name in ("leg", "R [m]", "encoder [m]"))
     assert_allclose(R, PAPER.geometry.R + found.parameters[0::4])
     assert_allclose(encoder, found.parameters[3::4])
     assert names.tolist() == ["A", "B", "C"]

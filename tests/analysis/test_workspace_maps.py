@@ -103,7 +103,7 @@ def test_a_map_of_all_indices_has_every_column():
 
 def test_indices_at_poses_become_a_dataset():
     poses = np.array([[0, 0, 0], [0.1, 0, 0.2]])
-    found = ROBOT.indices(poses).to_xarray("iti", "gie")
+    found = ROBOT.indices(poses).to_dataset("iti", "gie")
     assert found.iti_b.dims == ("pose",)
     np.testing.assert_array_equal(found.theta, poses[:, 2])
     assert set(found.data_vars) == {"iti_a", "iti_b", "iti_c", "gie"}

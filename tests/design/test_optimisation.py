@@ -355,7 +355,7 @@ def test_measures_of_ones_own_have_values_and_gradients() -> None:
 
 
 def test_what_is_evaluated_becomes_an_xarray_with_units() -> None:
-    found = paper_problem().evaluate([PAPER_DESIGN, NEAR[0]]).to_xarray()
+    found = paper_problem().evaluate([PAPER_DESIGN, NEAR[0]]).to_dataset()
     assert found["peak_force"].attrs["units"] == "N"
     assert found["R"].attrs["units"] == "m"
     assert found["violation"].values.tolist() == [0, 0]

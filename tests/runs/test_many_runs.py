@@ -399,7 +399,7 @@ def test_runs_go_through_xarray():
     loop = {"controller": PD(PAPER, MOTION), "control": ControlLoop(1000, noise=Noise(1e-6, 1e-4))}
     many, other = (ROBOT.simulate_many(0.02, runs, **loop) for runs in (given, data))
     assert same(many, other)
-    found = other.to_xarray()
+    found = other.to_dataset()
     assert found.sizes == {"run": 3}
     assert found["geometry.L"].attrs["units"] == "m"
     assert found["controller.frequency"].attrs["units"] == "Hz"
@@ -415,13 +415,13 @@ def test_runs_go_through_xarray():
 def test_without_xarray_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(p3dof.errors.MissingExtraError, match=r"p3dof\[xarray\]"):
-        ROBOT.simulate_many(0.01, 1, controller=HOLD).to_xarray()
+        ROBOT.simulate_many(0.01, 1, controller=HOLD).to_dataset()
 
 
 def test_results_are_columns_files_and_tables(tmp_path):
     many = ROBOT.simulate_many(0.05, columns(20), controller=PD(PAPER, MOTION), control=AT_1_KHZ, histories=2)
-    found = many.columns()
-    assert list(found)[:3] == ["start.y", "start.z", "start.theta"]
+    found = many.to_columns()
+    assert list(found)[:3] == ["start.y [m]", "start.z [m]", "start.theta [rad]"]
     assert {"stop", "reason", "end [s]", "peak_error theta [rad]", "rms_force B [N]", "work [J]"} <= set(
         found
     )

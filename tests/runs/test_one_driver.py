@@ -263,7 +263,7 @@ def test_a_saved_run_of_a_robot_is_what_is_read(tmp_path):
         assert getattr(again, name) == getattr(run, name)
     assert again.events[0].name == "now"
     header = run.save(tmp_path / "run.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert header.split(",") == list(run.columns())
+    assert header.split(",") == list(run.to_columns())
     with pytest.raises(FileError, match="expected"):
         RobotRun.load(tmp_path / "run.npz", ROBOT.loop)
 

@@ -606,8 +606,8 @@ def test_files_hold_the_run(tmp_path):
         assert arrays["joint_names"].tolist() == list(run.joints.names)
     again = p3dof.Simulation.load(tmp_path / "run.npz")
     assert again.finished
-    for name, column in run.columns().items():
-        np.testing.assert_array_equal(again.columns()[name], column)
+    for name, column in run.to_columns().items():
+        np.testing.assert_array_equal(again.to_columns()[name], column)
     np.testing.assert_array_equal(again.joints.q, run.joints.q)
     stopped = robot.simulate(1.0, method="virtual-power")
     stopped.save(tmp_path / "stopped.npz")

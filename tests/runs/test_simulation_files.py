@@ -62,9 +62,9 @@ def test_what_is_saved_is_what_is_read(tmp_path, saved, arrays):
     assert not replace(
         found, stop=p3dof.runs.Stop("tilt limit", 0.1, "the platform at its upper limit")
     ).finished
-    for name, column in found.columns().items():
+    for name, column in found.to_columns().items():
         assert np.isfinite(column).all(), name
-    assert load(tmp_path, found.save(tmp_path / "again.npz").read_bytes()).columns().keys()
+    assert load(tmp_path, found.save(tmp_path / "again.npz").read_bytes()).to_columns().keys()
     assert set(simulation.METHODS) == set(METHODS)
 
 

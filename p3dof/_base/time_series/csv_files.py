@@ -64,6 +64,8 @@ class Form:
 MOTION = Form(
     "a motion", ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot"), (4, 10)
 )
+HEADER = tuple(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
+"""What the columns of a motion are called in files."""
 WRENCH = Form("a wrench", ("t", "fx", "fy", "fz", "mx", "my", "mz"), (7,))
 
 
@@ -172,9 +174,8 @@ def dump(time: FloatArray, columns: FloatArray, start: float = 0.0) -> bytes:
 
     As many digits as tell every number from its neighbours: up to 17.
     """
-    header = ",".join(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
     clock = f"# t counts from {start!r} s of the clock\n" if start else ""
-    return f"{clock}{header}\n".encode() + table_lines([time, *columns.T])
+    return f"{clock}{','.join(HEADER)}\n".encode() + table_lines([time, *columns.T])
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import IntEnum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.files import write_table
+from p3dof._base.tables import Tabular
 from p3dof.analysis.designs.columns import ACTUATORS, COMPONENTS, DENSITY, KINDS, LENGTHS, SIZES, Designs
 from p3dof.analysis.designs.folding import solids_of
 from p3dof.machine.parameters import LINKS
@@ -153,7 +151,7 @@ _PLACE = "status_at"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DesignForces:
+class DesignForces(Tabular):
     """What each design needs over a motion; NaN where it cannot perform it.
 
     Figures that were not asked for are None.
@@ -183,6 +181,8 @@ class DesignForces:
     gradients : dict of str to dict of str to ndarray
         By column, then by figure: its derivative by that column, in SI units, (D,) or (D, 3).
     """
+
+    _row_name = "design"
 
     status: NDArray[np.uint8]
     status_at: FloatArray
@@ -235,24 +235,6 @@ class DesignForces:
             {name: getattr(self, name) for name in RESULT_UNITS if getattr(self, name) is not None},
             self.gradients,
         )
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write all figures to a CSV file, one design a row.
-
-        Parameters
-        ----------
-        path : path-like
-            The file; replaced whole or not at all.
-
-        Raises
-        ------
-        InputError
-            If its name does not end in ``.csv``.
-        FileError
-            If the file cannot be written.
-        """
-        columns = self.to_columns()
-        return write_table(path, list(columns), tuple(columns.values()))
 
 
 RESULT_UNITS = {

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Readable, shown
 from p3dof._base.errors import InputError
-from p3dof._base.files import write_table
 from p3dof._base.samples import OnInvalid
-from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import (
+    NONE,
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+)
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.closed_form.kinematics import MechanismMotion, mechanism_motion
 from p3dof.machine.parameters import LEGS, LINKS, Parameters
@@ -52,7 +59,7 @@ class DriveLoads(Readable):
 
 
 @dataclass(frozen=True, eq=False)
-class Energy(ShownInNotebook):
+class Energy(ShownInNotebook, Tabular):
     """Energy, momentum and work over a motion; rows of invalid samples are NaN.
 
     Work is integrated by a spline of degree 5 through the power at the samples, over runs of neighbouring
@@ -140,23 +147,19 @@ class Energy(ShownInNotebook):
         total = self.total[self.valid]
         return float(max(self.kinetic_total[self.valid].max(), np.ptp(total)))
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write every quantity to a CSV file, 17 digits; errors as `InverseDynamics.to_csv`."""
-        header = ["t [s]", "kinetic [J]", "potential [J]", "total [J]"]
-        header += [f"power {leg} [W]" for leg in LEGS] + [f"work {leg} [J]" for leg in LEGS]
-        header += ["wrench power [W]", "wrench work [J]", "dissipated power [W]", "dissipated work [J]"]
-        header += ["balance [J]"]
-        header += [f"momentum {axis} [N s]" for axis in "xyz"]
-        header += [f"angular momentum {axis} [N m s]" for axis in "xyz"]
-        header += [f"kinetic {name} [J]" for name in self.bodies]
-        header += [f"potential {name} [J]" for name in self.bodies]
-        columns = (
-            *(self.time, self.kinetic_total, self.potential_total, self.total),
-            *(*self.power.T, *self.work.T, self.wrench_power, self.wrench_work),
-            *(self.dissipated_power, self.dissipated_work, self.balance),
-            *(*self.momentum.T, *self.angular_momentum.T, *self.kinetic.T, *self.potential.T),
-        )
-        return write_table(path, header, columns)
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return every quantity, (N,) each, by name and unit."""
+        found = {"t [s]": self.time, "kinetic [J]": self.kinetic_total, "potential [J]": self.potential_total}
+        found |= {"total [J]": self.total}
+        found |= columns_by("power {} [W]", LEGS, self.power) | columns_by("work {} [J]", LEGS, self.work)
+        found |= {"wrench power [W]": self.wrench_power, "wrench work [J]": self.wrench_work}
+        found |= {"dissipated power [W]": self.dissipated_power, "dissipated work [J]": self.dissipated_work}
+        found |= {"balance [J]": self.balance}
+        found |= columns_by("momentum {} [N s]", "xyz", self.momentum)
+        found |= columns_by("angular momentum {} [N m s]", "xyz", self.angular_momentum)
+        found |= columns_by("kinetic {} [J]", self.bodies, self.kinetic)
+        found |= columns_by("potential {} [J]", self.bodies, self.potential)
+        return found
 
 
 def drives_table(energy: Energy) -> Table:

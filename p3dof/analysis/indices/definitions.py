@@ -17,7 +17,18 @@ from p3dof._base.checks import FloatArray, Readable, as_floats, batch_of, meant,
 from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.samples import OnInvalid
-from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import (
+    NONE,
+    POSE_COLUMNS,
+    ShownInNotebook,
+    Table,
+    Tabular,
+    columns_by,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+)
 from p3dof._base.version import __version__
 from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.analysis.workspace.closed_forms import Sizes, drops, extents
@@ -193,7 +204,7 @@ def dataset_of(
     try:
         import xarray  # type: ignore[import-not-found,unused-ignore]
     except ImportError as error:
-        raise MissingExtraError("to_xarray needs xarray: pip install 'p3dof[xarray]'") from error
+        raise MissingExtraError("to_dataset needs xarray: pip install 'p3dof[xarray]'") from error
     if len(dims) != len(found.shape):
         raise InputError(f"dims: expected {len(found.shape)} names, one for each axis, got {len(dims)}")
     variables = {}
@@ -223,7 +234,7 @@ def write_dataset(dataset: Any, path: str | os.PathLike[str]) -> Path:
     Parameters
     ----------
     dataset : xarray.Dataset
-        Of `Workspace.map` or `Indices.to_xarray`. Its own ``to_zarr`` writes Zarr, with zarr installed.
+        Of `Workspace.map` or `Indices.to_dataset`. Its own ``to_zarr`` writes Zarr, with zarr installed.
     path : path-like
         The file, which ends in ``.nc``; replaced whole or not at all.
 
@@ -374,7 +385,7 @@ class IndicesMachine(Protocol):
         """Return the actuator forces and their derivatives."""
 
 
-class Indices(ShownInNotebook):
+class Indices(ShownInNotebook, Tabular):
     """Performance indices at poses, as arrays of their shape; each is computed when it is first asked for.
 
     J mixes m/m and m/rad, so that condition numbers need a characteristic length ℓ to compare turning with
@@ -693,7 +704,25 @@ class Indices(ShownInNotebook):
         """
         return columns_of(self, (name,))[name]
 
-    def to_xarray(
+    def to_columns(self, *names: str) -> dict[str, FloatArray]:
+        """Return poses and indices, by name and unit; one pose a row.
+
+        Parameters
+        ----------
+        *names : str
+            Of indices or of their columns; all of them without any.
+
+        Raises
+        ------
+        InputError
+            If there is no such index.
+        """
+        found = columns_by("{}", POSE_COLUMNS, self.pose)
+        for name, values in columns_of(self, names or tuple(COLUMNS)).items():
+            found[f"{name} [{COLUMNS[name].unit_of(name)}]"] = np.ravel(values)
+        return found
+
+    def to_dataset(
         self, *names: str, dims: Sequence[str] | None = None, coords: Mapping[str, Any] | None = None
     ) -> Any:
         """Return indices as an `xarray.Dataset`, with units and definitions as attributes.

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
-from p3dof._base.files import write_table
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import ShownInNotebook, Table, Tabular, html_of, notebook_html, number, table_of
 from p3dof.analysis.reactions.results import JOINTS, Joint, OpenPeak, Peak, Reactions, largest, peaks_of
 from p3dof.loops.reactions import BoolArray
 from p3dof.machine.motion import Motion
@@ -32,7 +29,7 @@ ELASTIC = (
 
 
 @dataclass(frozen=True, eq=False)
-class ReactionsComparison(ShownInNotebook):
+class ReactionsComparison(ShownInNotebook, Tabular):
     """Reactions of all joints over a motion, with elastic joints and with two idealisations beside them.
 
     What rigid bodies determine is the same in all. Of the rest the idealisations show one of many possible
@@ -131,14 +128,13 @@ class ReactionsComparison(ShownInNotebook):
     def _peaks(self) -> list[tuple[Peak, tuple[OpenPeak, ...]]]:
         return [peaks_of(name, {one.way: one.loads(name) for one in self.each}) for name in self.joints]
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, all reactions and the residuals to a CSV file, 17 significant digits.
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, all reactions and the residuals, (N,) each, by name and unit.
 
         A component that is determined throughout has one column. Of any other there are four: its values with
         elastic joints and in both idealisations, and where it is determined (1) and where not (0).
-        Errors as `InverseDynamics.to_csv`.
         """
-        header, columns = ["t [s]"], [self.time]
+        found = {"t [s]": self.time}
         for k, name in enumerate(self.joints):
             for kind, unit in (("forces", "N"), ("moments", "N m")):
                 determined = getattr(self, f"determined_{kind}")[:, k]
@@ -146,14 +142,12 @@ class ReactionsComparison(ShownInNotebook):
                     component = f"{name} {kind[0]}{axis}"
                     values = {one.way: getattr(one, kind)[:, k, i] for one in self.each}
                     if determined[self.valid, i].all():
-                        header.append(f"{component} [{unit}]")
-                        columns.append(values["elastic"])
+                        found[f"{component} [{unit}]"] = values["elastic"]
                         continue
-                    header += [f"{component} {kind} [{unit}]" for kind in values]
-                    header.append(f"{component} determined")
-                    columns += [*values.values(), determined[:, i].astype(float)]
-        header += [f"residual {name}" for name in self.ways]
-        return write_table(path, header, (*columns, *(one.residual for one in self.each)))
+                    found |= {f"{component} {way} [{unit}]": each for way, each in values.items()}
+                    found[f"{component} determined"] = determined[:, i].astype(float)
+        residuals = zip(self.ways, self.each, strict=True)
+        return found | {f"residual {name}": one.residual for name, one in residuals}
 
 
 AnyReactions: TypeAlias = Reactions | ReactionsComparison

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -13,8 +11,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import InputError
-from p3dof._base.files import write_table
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Tabular
 from p3dof.loops.closure_joints import ClosureJoint
 from p3dof.loops.reactions import BoolArray
 from p3dof.machine.motion import Motion
@@ -287,7 +284,7 @@ def _rms(time: FloatArray, values: FloatArray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Reactions(ShownInNotebook):
+class Reactions(ShownInNotebook, Tabular):
     """Reactions of all joints over a motion; ``result["hinge_a"]`` is one of them.
 
     Parameters
@@ -426,14 +423,13 @@ class Reactions(ShownInNotebook):
         found = (peaks_of(name, {self.way: self.loads(name)})[1] for name in self.joints)
         return tuple(peak for peaks in found for peak in peaks)
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write time, all reactions and the residual to a CSV file, 17 significant digits.
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, all reactions and the residual, (N,) each, by name and unit.
 
         Components are in the axes of the joints' frames (`Joint.frame`). One that is not determined in every
         sample is followed by a column that says where it is (1) and where not (0).
-        Errors as `InverseDynamics.to_csv`.
         """
-        header, columns = ["t [s]"], [self.time]
+        found = {"t [s]": self.time}
         for name in self.joints:
             one = self[name]
             for kind, values, determined in (
@@ -441,12 +437,10 @@ class Reactions(ShownInNotebook):
                 ("m{} [N m]", one.moments, one.determined_moments),
             ):
                 for i, axis in enumerate("xyz"):
-                    header.append(f"{name} {kind.format(axis)}")
-                    columns.append(values[:, i])
+                    found[f"{name} {kind.format(axis)}"] = values[:, i]
                     if not determined[self.valid, i].all():
-                        header.append(f"{name} {kind[0]}{axis} determined")
-                        columns.append(determined[:, i].astype(float))
-        return write_table(path, [*header, "residual"], (*columns, self.residual))
+                        found[f"{name} {kind[0]}{axis} determined"] = determined[:, i].astype(float)
+        return found | {"residual": self.residual}
 
 
 def in_fixed_axes(rotations: FloatArray, vectors: FloatArray) -> FloatArray:

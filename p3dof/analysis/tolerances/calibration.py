@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, Readable, as_floats, batch_of, frozen_array, whole
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof._base.quantities import ANGLE, LENGTH
-from p3dof._base.tables import Table, table_of
+from p3dof._base.tables import Table, Tabular, columns_by, table_of
 from p3dof.analysis.tolerances.directions import AnyMachine, amount_of, parameters_of
 from p3dof.analysis.tolerances.pose import (
     KINDS,
@@ -51,7 +51,7 @@ from p3dof.loops.identification.fitting import (
     outliers_of,
     reduced,
 )
-from p3dof.machine.parameters import Geometry, Parameters
+from p3dof.machine.parameters import LEGS, Geometry, Parameters
 
 _NONE = 1e-10  # share of the largest singular value below which one is zero
 
@@ -115,7 +115,7 @@ _REACH = 0.02  # least reach margin of its legs, as a share of their length
 
 
 @dataclass(frozen=True, eq=False)
-class MachineCalibration(Readable):
+class MachineCalibration(Tabular):
     """Errors of the manipulator's legs from measured poses.
 
     Parameters
@@ -145,6 +145,8 @@ class MachineCalibration(Readable):
         Offsets that belong to `machine`, whose heights count from its own home [m].
     """
 
+    _row_name = "leg"
+
     names: tuple[str, ...]
     parameters: FloatArray
     deviations: FloatArray
@@ -163,6 +165,12 @@ class MachineCalibration(Readable):
     device: FloatArray  # (3,): y, z, θ of what measures
     file_device: FloatArray  # (3,): the same beside `machine`
     design: Geometry
+
+    def to_columns(self) -> dict[str, Any]:
+        """Return the lengths of each leg and the offset of its encoder, for a controller; one leg a row."""
+        own = np.array([self.design.R, self.design.r, self.design.L, 0.0]) + self.legs
+        lengths = columns_by("{} [m]", ("R", "r", "L", "encoder"), own)
+        return {"leg": np.array(LEGS)} | lengths
 
     def sliders(self, pose: ArrayLike) -> FloatArray:
         """Return what the encoders read at poses of the platform (..., 3), by the lengths of each leg [m].
@@ -456,10 +464,3 @@ def machine_calibration_tables(found: MachineCalibration) -> tuple[Table, Table]
         "Root mean square of computed less measured", ("by", "y [µm]", "z [µm]", "θ [µrad]"), rows, decimals=1
     )
     return first, second
-
-
-def legs_of(found: MachineCalibration) -> tuple[list[str], tuple[Any, ...]]:
-    """Return the header and the columns of a file with the lengths of each leg, for a controller."""
-    own = np.array([found.design.R, found.design.r, found.design.L, 0.0]) + found.legs
-    header = ["leg", "R [m]", "r [m]", "L [m]", "encoder [m]"]
-    return header, (np.array(["A", "B", "C"]), *own.T)

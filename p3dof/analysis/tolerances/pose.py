@@ -21,7 +21,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, batch_of, shown
 from p3dof._base.errors import InputError
 from p3dof._base.quantities import LENGTH
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import POSE_COLUMNS, ShownInNotebook, Tabular, columns_by
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.analysis.designs.columns import OFFSETS, BodiesOfDesigns
 from p3dof.analysis.designs.figures import derivatives, sampled, samples_of
@@ -35,14 +35,14 @@ from p3dof.analysis.tolerances.directions import (
     require_smaller,
 )
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Geometry, Parameters
+from p3dof.machine.parameters import LEGS, Geometry, Parameters
 
 ToleranceMethod: TypeAlias = Literal["gradient", "montecarlo"]
 """First order by exact gradients, or sampled machines."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceTolerance(ShownInNotebook):
+class ForceTolerance(ShownInNotebook, Tabular):
     """How uncertain the forces over a motion are.
 
     P parameters vary independently of each other. Bounds: of a force at one sample, between which 95 % of all
@@ -109,6 +109,13 @@ class ForceTolerance(ShownInNotebook):
     peaks: FloatArray | None = None
     drawn: FloatArray | None = None
 
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, nominal forces, deviations and bounds, (N,) each, by name and unit."""
+        found = {"t [s]": self.time} | columns_by("f{} [N]", LEGS, self.forces)
+        for name in ("deviation", "low", "high", "worst"):
+            found |= columns_by(f"{name} {{}} [N]", LEGS, getattr(self, name))
+        return found
+
     def __repr__(self) -> str:
         peak, deviation, high = self.peak[3], self.peak_deviation[3], self.peak_high[3]
         return (
@@ -128,7 +135,7 @@ class ForceTolerance(ShownInNotebook):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PoseTolerance(ShownInNotebook):
+class PoseTolerance(ShownInNotebook, Tabular):
     """How uncertain static poses are, when the sliders stand where the nominal machine would have them.
 
     Each leg has its own R, r, L and offset of its encoder: P = 12 parameters, or those of them that vary. The
@@ -167,6 +174,8 @@ class PoseTolerance(ShownInNotebook):
         By how much the parameters of each were off [m].
     """
 
+    _row_name = "pose"
+
     method: ToleranceMethod
     names: tuple[str, ...]
     sigma: FloatArray
@@ -180,6 +189,13 @@ class PoseTolerance(ShownInNotebook):
     worst_sigma: float
     errors: FloatArray | None = None
     drawn: FloatArray | None = None
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return poses and the uncertainty of each coordinate, by name and unit; one pose a row."""
+        found = columns_by("{}", POSE_COLUMNS, self.pose)
+        for name in ("deviation", "high", "worst"):
+            found |= columns_by(f"{name} {{}}", POSE_COLUMNS, getattr(self, name))
+        return found
 
     def __repr__(self) -> str:
         sizes = self.deviation.reshape(-1, 3).max(axis=0)

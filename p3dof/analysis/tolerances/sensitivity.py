@@ -22,7 +22,7 @@ from p3dof._base import blocks
 from p3dof._base.blocks.problem import whole
 from p3dof._base.checks import FloatArray, Progress, Readable, as_floats, shown
 from p3dof._base.errors import InputError, ParameterError
-from p3dof._base.tables import ShownInNotebook
+from p3dof._base.tables import ShownInNotebook, Tabular
 from p3dof._base.time_series.wrenches import Load, WrenchOverTime
 from p3dof.analysis.designs.columns import QUANTITIES, BodiesOfDesigns, Designs
 from p3dof.analysis.designs.evaluation import DesignEvaluation
@@ -117,7 +117,7 @@ class MatchedSamples(Readable):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SobolIndices(ShownInNotebook):
+class SobolIndices(ShownInNotebook, Tabular):
     """Which variables the variance of a result comes from.
 
     Parameters
@@ -144,6 +144,8 @@ class SobolIndices(ShownInNotebook):
         Results of independent points.
     """
 
+    _row_name = "parameter"
+
     result: str
     unit: str
     names: tuple[str, ...]
@@ -158,6 +160,11 @@ class SobolIndices(ShownInNotebook):
     rows: int
     missing_rows: int
     values: FloatArray
+
+    def to_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the indices and their confidence intervals, (d,) each; one parameter a row."""
+        kinds = ("first", "first_error", "total", "total_error")
+        return {"parameter": np.array(self.names)} | {kind: getattr(self, kind) for kind in kinds}
 
     def __repr__(self) -> str:
         order = np.argsort(-self.total)[:3]
@@ -243,7 +250,7 @@ BLOCK = 20_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LocalSensitivity(ShownInNotebook):
+class LocalSensitivity(ShownInNotebook, Tabular):
     """How a figure changes with each parameter at the machine, exactly.
 
     Parameters
@@ -262,6 +269,8 @@ class LocalSensitivity(ShownInNotebook):
         By how many percent the figure changes when the parameter grows by one percent.
     """
 
+    _row_name = "parameter"
+
     result: str
     unit: str
     value: float
@@ -274,6 +283,14 @@ class LocalSensitivity(ShownInNotebook):
     def normalised(self) -> FloatArray:
         """By how many percent the figure changes when the parameter grows by one percent (d,)."""
         return self.gradient * self.nominal / (self.value or np.nan)
+
+    def to_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the parameters with units, numbers and derivatives, (d,) each, by name; one a row.
+
+        ``gradient`` is in the unit of the figure by that of the parameter.
+        """
+        found: dict[str, NDArray[Any]] = {"parameter": np.array(self.names), "unit": np.array(self.units)}
+        return found | {name: getattr(self, name) for name in ("nominal", "gradient", "normalised")}
 
     def __repr__(self) -> str:
         order = np.argsort(-np.abs(self.normalised))[:3]

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof._base.checks import FloatArray, Readable, batch_of, frozen_array
 from p3dof._base.errors import InputError
 from p3dof._base.samples import OnInvalid
+from p3dof._base.tables import Tabular
 from p3dof.analysis.workspace.closed_forms import (
     Sizes,
     aspect_range,
@@ -105,7 +106,7 @@ class WorkspaceMargins(Readable):
 
 
 @dataclass(frozen=True, eq=False)
-class PoseMargins(Readable):
+class PoseMargins(Tabular):
     """How far poses are from what bounds a workspace: positive inside, negative outside.
 
     Parameters
@@ -123,6 +124,8 @@ class PoseMargins(Readable):
     force : ndarray, shape (..., 3), or None
         Force limit less what static load and demanded accelerations take [N]; None if none are demanded.
     """
+
+    _row_name = "pose"
 
     serial: FloatArray
     actuation: FloatArray
@@ -142,6 +145,18 @@ class PoseMargins(Readable):
             elif values is not None:
                 found[name] = values
         return found
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return every margin, by name and unit; one pose a row."""
+        units = {
+            "serial": "1",
+            "actuation": "rad",
+            "tilt": "rad",
+            "travel": "m",
+            "speed": "m/s",
+            "force": "N",
+        }
+        return {f"{name} [{units[name.split()[0]]}]": np.ravel(x) for name, x in self.columns.items()}
 
     @property
     def inside(self) -> NDArray[np.bool_]:

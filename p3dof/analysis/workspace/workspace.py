@@ -367,7 +367,7 @@ class Workspace(ShownInNotebook):
         poses = np.where(np.isfinite(rise)[..., None], _poses(across, turned), np.nan)
         found = self.indices(poses, **options)
         coords = {"y": ("y", axes[0], {"units": "m"}), "theta": ("theta", axes[1], {"units": "rad"})}
-        dataset = found.to_xarray(*indices, dims=("y", "theta"), coords=coords)
+        dataset = found.to_dataset(*indices, dims=("y", "theta"), coords=coords)
         told = {"units": "m", "long_name": "height H(y, theta) in z that the stroke leaves"}
         dataset["height"] = (("y", "theta"), rise, told)
         limits, margins = self.limits, self.margins

@@ -20,6 +20,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, FrozenArrays, Readable, frozen_array, not_negative, require
 from p3dof._base.errors import DriveError
+from p3dof._base.tables import Columns, Tabular, columns_of_items
 from p3dof.design.drives.margins import (
     INERTIA_RATIO,
     REMARKED_RATIO,
@@ -194,9 +195,18 @@ class AxisLoads(Readable):
         return self.worst.verdict == VERDICTS[0]
 
 
+RATING_COLUMNS = {
+    "rating": "name", "unit": "unit", "required": "required", "allowed": "allowed", "used": "share",
+    "margin": "margin", "verdict": "verdict", "t [s]": "time",
+}  # fmt: skip
+"""What the columns of ratings are called, and their attributes."""
+
+
 @dataclass(frozen=True, eq=False)
-class Sizing:
+class Sizing(Tabular):
     """A drive on each axis, and what a cycle takes of it."""
+
+    _row_name = "rating"
 
     drives: tuple[Drive, Drive, Drive]  # of A, B, C
     axes: tuple[AxisLoads, AxisLoads, AxisLoads]  # what the cycle takes of each
@@ -207,6 +217,11 @@ class Sizing:
     supply: SupplyLoads | None = None  # of the supply, if there is one
     others: tuple[tuple[str, Rating], ...] = ()  # ratings of more than a cycle and an axis: whose, and which
     margins: Margins = field(default_factory=Margins)  # what of each rating must stay free
+
+    def to_columns(self) -> Columns:
+        """Return every rating with its part, and what is required and allowed; one a row, the worst first."""
+        parts, ratings = zip(*self._by_need(), strict=True)
+        return {"part": np.array(parts), **columns_of_items(ratings, RATING_COLUMNS)}
 
     def __repr__(self) -> str:
         leg, rating = self.worst

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, frozen_array, shown
-from p3dof._base.errors import InputError, MissingExtraError, P3dofError
+from p3dof._base.errors import InputError, P3dofError
 from p3dof._base.quantities import LENGTH, Quantity
+from p3dof._base.tables import Tabular
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.design.drives import Catalogue
@@ -138,8 +139,10 @@ class Asked(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluated:
+class Evaluated(Tabular):
     """What designs of a problem are worth, and what they keep."""
+
+    _row_name = "design"
 
     asked: Asked  # what the problem asks
     designs: FloatArray  # (D, n): their variables [SI units]
@@ -224,15 +227,3 @@ class Evaluated:
         columns["violation"] = self.violation
         columns["status"] = self.status
         return columns
-
-    def to_xarray(self) -> Any:
-        """Return everything as an `xarray.Dataset` along the dimension `design`, with units as attributes."""
-        try:
-            import xarray
-        except ImportError as error:
-            raise MissingExtraError("to_xarray needs xarray: pip install 'p3dof[xarray]'") from error
-        found = {}
-        for header, values in self.to_columns().items():
-            name, _, unit = header.partition(" [")
-            found[name] = ("design", values, {"units": unit.rstrip("]")} if unit else {})
-        return xarray.Dataset(found)

@@ -10,19 +10,17 @@ Y. Haimes, L. Lasdon, D. Wismer, IEEE Trans. Systems, Man, Cybernetics 1 (1971) 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.blocks import nondominated
 from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
 from p3dof._base.errors import InputError, OptimisationError
-from p3dof._base.files import write_table
-from p3dof._base.tables import NONE, Cell, Table
+from p3dof._base.tables import NONE, Cell, Table, Tabular
 from p3dof.analysis.designs.columns import KINDS
 from p3dof.design.optimisation.constraints import Constraint, Formula, Linear
 from p3dof.design.optimisation.epigraph import Local
@@ -38,7 +36,7 @@ _DIGITS = 9  # in which objectives of two designs must differ
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Front:
+class Front(Tabular):
     """A Pareto front.
 
     Parameters
@@ -55,6 +53,8 @@ class Front:
     seed : int
         Of all random numbers.
     """
+
+    _row_name = "design"
 
     problem: Statement
     designs: FloatArray
@@ -110,10 +110,9 @@ class Front:
         corner = signs * frozen_array("reference", reference, (len(signs),))
         return hypervolume(signs * self.objectives, corner)
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write all designs to CSV, one a row, as `DesignForces.to_csv`; `p3dof designs` reads them."""
-        columns = self.found.to_columns()
-        return write_table(path, list(columns), tuple(columns.values()))
+    def to_columns(self) -> dict[str, NDArray[Any]]:
+        """Return all designs with objectives and constraints, one a row; `p3dof designs` reads such a CSV."""
+        return self.found.to_columns()
 
 
 def signs_of(problem: Statement) -> FloatArray:

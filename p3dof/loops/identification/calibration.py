@@ -28,7 +28,7 @@ from p3dof._base.checks import (
     whole,
 )
 from p3dof._base.errors import AssemblyError, InputError
-from p3dof._base.tables import Table, table_of
+from p3dof._base.tables import Table, Tabular, table_of
 from p3dof.loops.identification.fitting import (
     DEVICE,
     OFFSET,
@@ -269,7 +269,7 @@ def _seen(
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Readable):
+class Calibration(Tabular):
     """Errors of a robot's geometry from measurements.
 
     Parameters
@@ -302,6 +302,8 @@ class Calibration(Readable):
         Encoder offsets, which are in its placements: reading less where the joint is [m or rad].
     """
 
+    _row_name = "parameter"
+
     names: tuple[str, ...]
     parameters: FloatArray
     deviations: FloatArray
@@ -318,6 +320,16 @@ class Calibration(Readable):
     lengths: tuple[bool, ...]
     """Of the parameters, which are lengths [m]; the others are angles [rad]."""
     _model: MeasuredRobot
+
+    def to_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the errors with units, deviations and tolerances, (P,) each; one parameter a row."""
+        return {
+            "parameter": np.array(self.names),
+            "unit": np.where(self.lengths, "m", "rad"),
+            "error": self.parameters,
+            "deviation": self.deviations,
+            "tolerance": self.tolerances,
+        }
 
     @property
     def measured(self) -> tuple[Measurements, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array
-from p3dof._base.tables import Table, percent, table_of
+from p3dof._base.tables import Columns, Table, Tabular, percent, table_of
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof.loops.identification.data import OFFSET, Delay, ForcesFit, Period, PreparedLog, prepare_log
 from p3dof.loops.identification.estimates import EstimationMethod, ParameterEstimate, estimate_parameters
@@ -29,7 +29,7 @@ _INFORMED = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Readable):
+class Identification(Tabular):
     """Parameters of a robot from a log; see `identify`.
 
     Parameters
@@ -49,6 +49,8 @@ class Identification(Readable):
         What to know, and what to do.
     """
 
+    _row_name = "parameter"
+
     forces: IdentifiableForces
     data: PreparedLog
     estimate: ParameterEstimate
@@ -56,6 +58,19 @@ class Identification(Readable):
     prior_factor: float
     prior_share: float
     remarks: tuple[str, ...]
+
+    def to_columns(self) -> Columns:
+        """Return the parameters with units, as designed and as identified, (P,) each; one a row."""
+        forces = self.forces
+        return {
+            "parameter": np.array(forces.names),
+            "unit": np.array([unit_of(name, forces) for name in forces.names]),
+            "design": forces.design,
+            "identified": self.parameters,
+            "deviation": self.deviations,
+            "prior": self.prior,
+            "seen": self.seen,
+        }
 
     @property
     def parameters(self) -> FloatArray:

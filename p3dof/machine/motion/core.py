@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, FrozenArrays, frozen_array, positive, shown
 from p3dof._base.errors import InputError, MotionError
 from p3dof._base.files import Source, called, read_text, suffix_of, write_atomic
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import ShownInNotebook, Table, Tabular, html_of, notebook_html, number, table_of
 from p3dof._base.time_series import csv_files, smoothing
 from p3dof._base.time_series.smoothing import Smooth, checked, eased
 from p3dof._base.time_series.times import (
@@ -40,7 +40,7 @@ _FROM_CURVE = 1000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(FrozenArrays, ShownInNotebook):
+class Motion(FrozenArrays, ShownInNotebook, Tabular):
     """A motion of the platform, sampled in time: pose, velocity and acceleration.
 
     Parameters
@@ -253,6 +253,11 @@ class Motion(FrozenArrays, ShownInNotebook):
         except MotionError as error:
             clock = f" ({counted_told(start)})" if start else ""
             raise MotionError(f"{called(path)}: {error.args[0]}{clock}", error.hint) from error
+
+    def to_columns(self) -> dict[str, FloatArray]:
+        """Return time, pose, velocity and acceleration, (N,) each, by name and unit."""
+        columns = (self.time, *self.pose.T, *self.velocity.T, *self.acceleration.T)
+        return dict(zip(csv_files.HEADER, columns, strict=True))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write a motion file that `from_csv` reads back to the same bits; times count from `start`.

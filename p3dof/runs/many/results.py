@@ -13,9 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.errors import InputError, MissingExtraError
-from p3dof._base.files import pack_arrays, suffix_of, write_atomic, write_table
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of, time_text
+from p3dof._base.errors import InputError
+from p3dof._base.files import pack_arrays, suffix_of, write_atomic
+from p3dof._base.tables import (
+    ShownInNotebook,
+    Table,
+    Tabular,
+    html_of,
+    notebook_html,
+    number,
+    table_of,
+    time_text,
+)
 from p3dof.closed_form.compiled.many import START
 from p3dof.machine.parameters import LEGS
 from p3dof.runs.many.columns import FINISHED, NOT_RUN, faults, kind_of, reason_of, unit_of
@@ -49,7 +58,7 @@ class RunHistories(ShownInNotebook):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ManyRuns(ShownInNotebook):
+class ManyRuns(ShownInNotebook, Tabular):
     """What R runs leave behind: figures of each, counted at the ticks of the controller (else at all steps).
 
     Parameters
@@ -79,6 +88,8 @@ class ManyRuns(ShownInNotebook):
     histories : RunHistories or None
         If they were asked for.
     """
+
+    _row_name = "run"
 
     stop: NDArray[np.int16]
     time: FloatArray
@@ -133,12 +144,15 @@ class ManyRuns(ShownInNotebook):
         codes, where = np.unique(self.stop, return_inverse=True)
         return np.array([of(code) for code in codes.tolist()])[where]
 
-    def columns(self) -> dict[str, NDArray[Any]]:
+    def to_columns(self) -> dict[str, NDArray[Any]]:
         """Return the columns of the runs and all figures, (R,) each; the names hold the units.
 
         ``stop`` is the kind of reason for which a run ended, as of `counts`, and ``reason`` tells more.
         """
-        found: dict[str, NDArray[Any]] = dict(self.given)
+        units = {name: unit_of(name) for name in self.given}
+        found: dict[str, NDArray[Any]] = {
+            f"{name} [{unit}]" if unit else name: self.given[name] for name, unit in units.items()
+        }
         found["stop"] = self._words(kind_of)
         found["reason"] = self._words(lambda code: reason_of(code).partition(": ")[2])
         found["end [s]"] = self.time
@@ -167,32 +181,12 @@ class ManyRuns(ShownInNotebook):
         FileError
             If the file cannot be written.
         """
-        columns = self.columns()
         if suffix_of(path, "run") == ".csv":
-            return write_table(path, list(columns), tuple(columns.values()))
-        arrays = {name.replace("/", " per "): np.asarray(column) for name, column in columns.items()}
+            return self.to_csv(path)
+        arrays = {name.replace("/", " per "): np.asarray(x) for name, x in self.to_columns().items()}
         if self.histories is not None:
             arrays |= {f"history {name}": values for name, values in vars(self.histories).items()}
         return write_atomic(path, pack_arrays(arrays))
-
-    def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` of all columns along ``run``, with units as attributes.
-
-        Raises
-        ------
-        MissingExtraError
-            If xarray is not installed.
-        """
-        try:
-            import xarray  # type: ignore[import-not-found,unused-ignore]
-        except ImportError as error:
-            raise MissingExtraError("to_xarray needs xarray: pip install 'p3dof[xarray]'") from error
-        variables = {}
-        for header, column in self.columns().items():
-            name, _, unit = header.partition(" [")
-            unit = unit_of(header) if header in self.given else unit.removesuffix("]")
-            variables[name] = ("run", column, {"units": unit} if unit else {})
-        return xarray.Dataset(variables, coords={"run": np.arange(len(self))})
 
     def history(self, run: int) -> dict[str, FloatArray]:
         """Return the states on the way of a run: time (N,), pose, velocity, forces and asked (N, 3).
