@@ -121,8 +121,40 @@ def _hidden_from_click() -> Iterator[None]:
         raise
 
 
+def _noted(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    ctx.meta[f"p3dof.{param.name}"] = value
+    if value and param.name == "json":
+        require_standard_output(param, ctx)
+
+
+def require_standard_output(param: click.Parameter | None, ctx: click.Context | None) -> None:
+    """Raise where what is written to the standard output would be lost."""
+    if getattr(sys.stdout, "name", None) == os.devnull:  # what stands for a stream that the caller closed
+        raise click.BadParameter("the standard output is closed", ctx, param)
+
+
+_ALL = {
+    "--json": "Print the results as JSON, and nothing else.",
+    "--quiet": "Print warnings and errors only.",
+}
+"""Options that every command has; `p3dof.cli.output` does what they say."""
+
+
 class Command(click.Command):
-    """A command whose help any terminal can show: Click would write UTF-8 to one that knows ASCII only."""
+    """A command with the options of all, and a help that any terminal can show: Click would write UTF-8."""
+
+    def __init__(self, *arguments: Any, **others: Any) -> None:
+        super().__init__(*arguments, **others)
+        for name, words in _ALL.items():
+            option = click.Option([name], is_flag=True, expose_value=False, callback=_noted, help=words)
+            self.params.append(option)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run it, and print what it has to tell as the options say."""
+        from p3dof.cli.output import printing  # it brings NumPy, which the help does not need
+
+        with printing(ctx):
+            return super().invoke(ctx)
 
     def get_help(self, ctx: click.Context) -> str:
         """Return the help, in the characters that the terminal has."""

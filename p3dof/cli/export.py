@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from p3dof._base.files import together
 from p3dof.cli.app import app
 from p3dof.cli.files import CHECK, FORCE, STREAM, InputFile, OutputFolder, print_check, protect, source
 from p3dof.cli.machine import PARAMETERS, machine_of, say_payloads
-from p3dof.cli.output import print_plain, print_written, say
+from p3dof.cli.output import deliver, print_plain, print_written, say
 from p3dof.machine import description
 from p3dof.machine.motion import Motion, paper_motion
 
@@ -157,7 +156,7 @@ def _print_text(job: Job) -> int:
     protect((job.parameters,), ())
     texts = description.texts(machine_of(job.parameters).parameters, job.formats, job.exact)
     (_, text), *others = texts.items()
-    sys.stdout.write(text)
+    deliver(text)
     for name, _ in others:
         say(f"{name}, which belongs to it, is written to a folder only")
     return 0

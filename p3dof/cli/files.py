@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,16 +19,9 @@ from rich.console import Console
 
 from p3dof._base.checks import meant
 from p3dof._base.errors import MissingExtraError, P3dofError
-from p3dof._base.files import (
-    SUFFIXES,
-    check_generated,
-    check_writable,
-    scratch_folder,
-    suffix_of,
-    together,
-    write_generated,
-)
-from p3dof.cli.output import print_plain, say
+from p3dof._base.files import SUFFIXES, check_generated, check_writable, suffix_of, together, write_generated
+from p3dof.cli.app import require_standard_output
+from p3dof.cli.output import print_plain, say, streamed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,15 +79,24 @@ class InputFolder(_Named):
 
 
 class OutputFile(_Named):
-    """A file to write, whose ending fits what is written; perhaps a folder, whose name has none."""
+    """A file to write, whose ending fits what is written; perhaps a folder, whose name has none.
+
+    ``-`` is the standard output: the first kind that fits goes there when the command has ended, or what is a
+    `stream` piece by piece.
+    """
+
+    writes = True
 
     def __init__(self, kind: str, stream: bool = False, folder: bool = False) -> None:
         self._kind, self._stream, self._folder = kind, stream, folder
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
-        if str(value) == "-" and self._stream:
-            return _standard_output(param, ctx)
+        if str(value) == "-" and ctx is not None:
+            require_standard_output(param, ctx)
+            first = SUFFIXES[self._kind][0]
+            _require_library(self._kind, first)
+            return STREAM if self._stream else streamed(f"output{first}", ctx)
         if self._folder and str(value) != "-" and not Path(value).suffix and str(value):
             return Path(value)
         try:
@@ -126,6 +127,7 @@ class OutputFolder(_Named):
     """A folder to write files to."""
 
     name = "FOLDER"
+    writes = True
 
     def __init__(self, stream: bool = False) -> None:
         self._stream = stream
@@ -141,7 +143,8 @@ class OutputFolder(_Named):
             return path.absolute() if path == STREAM else path
         if not self._stream:
             self.fail("expected a folder: several files do not fit into the standard output", param, ctx)
-        return _standard_output(param, ctx)
+        require_standard_output(param, ctx)
+        return STREAM
 
 
 _FILES = {".c", ".h", ".mjs", ".wasm", ".usda", ".json", *(end for ends in SUFFIXES.values() for end in ends)}
@@ -152,26 +155,6 @@ def out_folder(what: str, default: str = "out") -> Callable[[Any], Any]:
     """Return --out of what writes a folder by default."""
     words = f"Folder to write {what} to."
     return click.option("--out", type=OutputFolder(), default=default, help=words)
-
-
-def _standard_output(param: click.Parameter | None, ctx: click.Context | None) -> Path:
-    """Return `STREAM`, unless what is written there would be lost."""
-    if getattr(sys.stdout, "name", None) == os.devnull:  # what stands for a stream that the caller closed
-        raise click.BadParameter("the standard output is closed", ctx, param)
-    return STREAM
-
-
-def _as_json(ctx: click.Context, param: click.Parameter, value: bool) -> bool:
-    return value and bool(_standard_output(param, ctx))
-
-
-JSON = click.option(
-    "--json",
-    "as_json",
-    is_flag=True,
-    callback=_as_json,
-    help="Print the results as JSON in SI units, and nothing else.",
-)
 
 
 def source(path: Path) -> Path | IO[bytes]:
@@ -232,15 +215,10 @@ def write_results(
     """Write what a command found, as a table and a figure, both or none; the files written."""
     written = []
     with together():
-        if out is not None and out != STREAM:
+        if out is not None:
             written.append(save(out))
         if draw is not None:
             written += save_figure(draw, figure)
-    if out == STREAM:
-        with scratch_folder() as folder:
-            table = save(folder / "table.csv")
-            with table.open(encoding="utf-8", newline="") as lines:
-                shutil.copyfileobj(lines, sys.stdout)
     return written
 
 

@@ -253,7 +253,7 @@ def compare(
     show(console, evidence_table(found.first, found.second, seconds=found.seconds), opinions_table(found))
     if not found.confirmed:
         allowed = max(found.tolerance, ENGINE_TOLERANCE)
-        console.print(f"one of the others DISAGREES by more than {allowed:.0e}", style="bold red")
+        print_plain(console, f"one of the others DISAGREES by more than {allowed:.0e}", "bold red")
     if in_time:
         _print_convergence(console, case)
     print_warnings(console, found.warnings)
@@ -264,7 +264,7 @@ def compare(
 
 def _print_verdict(console: Console, sentence: str, good: bool) -> None:
     style = "bold green" if good else "bold red"
-    console.print(sentence, style=style, highlight=False, soft_wrap=True)
+    print_plain(console, sentence, style)
 
 
 def _print_convergence(console: Console, case: Case) -> None:

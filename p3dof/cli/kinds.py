@@ -160,7 +160,5 @@ DURATION = click.option(
 def table_out(what: str) -> Callable[..., Any]:
     """Return the option for a CSV file, or the standard output, for something."""
     return click.option(
-        "--out",
-        type=OutputFile("table", stream=True),
-        help=f"CSV file to write, - for the standard output: {what}.",
+        "--out", type=OutputFile("table"), help=f"CSV file to write, - for the standard output: {what}."
     )

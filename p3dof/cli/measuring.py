@@ -273,7 +273,7 @@ def run(
     console = console_beside(out)
     show(console, *excitation_tables(found), notes=True)
     if measured is not None:
-        console.print(_told(found, target_error or 0.0, measured), highlight=False, soft_wrap=True)
+        print_plain(console, _told(found, target_error or 0.0, measured))
     print_written(console, written)
     return 0
 

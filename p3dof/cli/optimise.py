@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,9 +13,9 @@ from rich.console import Console
 from p3dof._base.errors import InputError
 from p3dof._base.tables import Table
 from p3dof.cli.app import app
-from p3dof.cli.files import JSON, InputFile, OutputFile, OutputFolder, protect, save_figure
+from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect, save_figure
 from p3dof.cli.kinds import FIGURE, Whole
-from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
+from p3dof.cli.output import give, in_options, print_warnings, print_written, progress_bar, show
 from p3dof.design.optimisation import DesignProblem, Optimum, front_tables, optimum_tables, read_problem
 from p3dof.design.optimisation.evolution import GENERATIONS
 from p3dof.design.optimisation.minimising import STARTS
@@ -99,7 +98,6 @@ _BOUNDS = click.option(
 )
 @_STORE
 @FIGURE
-@JSON
 @_ANY_SIZE
 def optimise(
     problem: Path,
@@ -113,7 +111,6 @@ def optimise(
     report: Path | None,
     store: Path | None,
     figure: Path | None,
-    as_json: bool,
     any_size: bool,
 ) -> int:
     """Optimise a design: minimise or maximise one objective under constraints.
@@ -144,14 +141,9 @@ def optimise(
             found.write_parameters(out)
     if report is not None:
         _write_report(found, report)
-    data = _as_data(found) if as_json else None
+    give(_as_data(found))
     _tell(
-        data,
-        optimum_tables(found),
-        found.notes,
-        (out, report),
-        figure,
-        lambda plots: plots.optimum_figure(found),
+        optimum_tables(found), found.notes, (out, report), figure, lambda plots: plots.optimum_figure(found)
     )
     return 0
 
@@ -182,7 +174,6 @@ def optimise(
 @click.option("--out", type=OutputFile("table"), help="CSV file to write: all designs of the Pareto front.")
 @_STORE
 @FIGURE
-@JSON
 @_ANY_SIZE
 def pareto(
     problem: Path,
@@ -195,7 +186,6 @@ def pareto(
     out: Path | None,
     store: Path | None,
     figure: Path | None,
-    as_json: bool,
     any_size: bool,
 ) -> int:
     """Compute a Pareto front of designs: no other design is better in one objective and no worse in the rest.
@@ -221,9 +211,9 @@ def pareto(
             )
         if out is not None:
             found.to_csv(out)
-    columns = {name: values.tolist() for name, values in found.found.to_columns().items()}
-    data = {"front": columns, "method": found.method, "seed": found.seed} if as_json else None
-    _tell(data, front_tables(found), (), (out,), figure, lambda plots: plots.front_figure(found))
+    columns = found.to_columns()
+    give({"front": columns, "method": found.method, "seed": found.seed})
+    _tell(front_tables(found), (), (out,), figure, lambda plots: plots.front_figure(found))
     return 0
 
 
@@ -266,20 +256,15 @@ def _as_data(found: Optimum) -> dict[str, Any]:
 
 
 def _tell(
-    data: dict[str, Any] | None,
     tables: Sequence[Table],
     notes: Sequence[str],
     outputs: tuple[Path | None, ...],
     figure: Path | None,
     draw: Callable[[Any], Any],
 ) -> None:
-    """Print what was found, as data where there are any and as tables else, and draw it."""
+    """Print what was found, and draw it."""
     console = Console()
-    if data is not None:
-        print_plain(console, json.dumps(data, indent=1))
-    else:
-        show(console, *tables, notes=True)
-        print_warnings(console, notes)
+    show(console, *tables, notes=True)
+    print_warnings(console, notes)
     written = [path for path in outputs if path is not None] + save_figure(draw, figure)
-    if data is None:
-        print_written(console, written)
+    print_written(console, written)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import math
+import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import rich.table
 from rich.box import SIMPLE_HEAD
@@ -20,8 +26,103 @@ from rich.text import Text
 
 from p3dof._base.checks import one_line, visible
 from p3dof._base.errors import P3dofError
+from p3dof._base.files import scratch_folder
 from p3dof._base.tables import NONE, Table
 from p3dof.cli.app import LONGEST, spelled
+
+
+@dataclass
+class Answer:
+    """What a command has to tell: printed piece by piece, not at all, or as one JSON document."""
+
+    silent: bool = False  # nothing but warnings is printed on the way
+    as_json: bool = False  # not even these
+    beside: bool = False  # a file takes the standard output
+    streams: list[Path] = field(default_factory=list)  # files that go there when the command has ended
+    data: dict[str, Any] = field(default_factory=dict)  # results by name
+    tables: list[Table] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)  # that were written
+
+    def document(self) -> dict[str, Any]:
+        """Return all as plain data; numbers that do not exist are null."""
+        kept = ("title", "header", "rows", "note")
+        tables = [{name: getattr(table, name) for name in kept} for table in self.tables]
+        own = {"tables": tables, "notes": self.notes, "warnings": self.warnings, "files": self.files}
+        return {name: plain(value) for name, value in (self.data | own).items()}
+
+
+_current: ContextVar[Answer | None] = ContextVar("_current", default=None)
+
+
+def _answer() -> Answer:
+    """Return that of the command that runs; one that is printed and forgotten outside of any."""
+    return _current.get() or Answer()
+
+
+@contextmanager
+def printing(ctx: click.Context) -> Iterator[None]:
+    """Print what a command tells as --json and --quiet say; then write what goes to the standard output."""
+    as_json, quiet = (bool(ctx.meta.get(f"p3dof.{name}")) for name in ("json", "quiet"))
+    answer = Answer(as_json or quiet, as_json, streams=ctx.meta.get("p3dof.streams", []))
+    outputs = [one.name for one in ctx.command.params if getattr(one.type, "writes", False)]
+    count = len(answer.streams) + sum(str(ctx.params.get(name)) == "-" for name in outputs)
+    if as_json and count:
+        raise click.UsageError("--json and --out - both take the standard output")
+    if count > 1:
+        raise click.UsageError("only one file can be written to the standard output (-)")
+    answer.beside = count > 0
+    before = _current.set(answer)
+    try:
+        yield
+    finally:
+        _current.reset(before)
+    for path in filter(Path.exists, answer.streams):
+        with path.open("rb") as file:
+            _copy(file)
+    if as_json:
+        sys.stdout.write(json.dumps(answer.document(), indent=1) + "\n")
+
+
+def _copy(file: Any) -> None:
+    """Copy the bytes of a file to the standard output, which may be one of text only."""
+    stdout: Any = sys.stdout
+    if hasattr(stdout, "buffer"):
+        stdout.flush()
+        shutil.copyfileobj(file, stdout.buffer)
+    else:
+        stdout.write(file.read().decode())
+
+
+def streamed(name: str, ctx: click.Context) -> Path:
+    """Return the path of a file that goes to the standard output when the command has ended well."""
+    path = ctx.with_resource(scratch_folder()) / name
+    ctx.meta.setdefault("p3dof.streams", []).append(path)
+    return path
+
+
+def give(data: Mapping[str, Any]) -> None:
+    """Add results by name to the JSON document of --json."""
+    _answer().data.update(data)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON has it: lists in place of arrays, null in place of NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(one) for name, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def deliver(text: str) -> None:
+    """Write a text that is the result of a command itself, such as a program."""
+    give({"text": text})
+    if not _answer().silent:
+        sys.stdout.write(text)
 
 
 @contextmanager
@@ -42,7 +143,7 @@ def in_options(words: Mapping[str, str]) -> Iterator[None]:
 def progress_bar(name: str, total: int) -> Iterator[Update | None]:
     """Show a bar while something works; nothing at all where nobody looks."""
     console = Console(stderr=True)
-    if not console.is_terminal:
+    if not console.is_terminal or _answer().silent:
         yield None
         return
     columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -63,10 +164,17 @@ class Update:
 
 def show(console: Console, *tables: Table, notes: bool = False) -> None:
     """Print tables of the package."""
-    for table in tables:
-        print_table(console, rich_table(table))
+    answer = _answer()
+    answer.tables += tables
+    for table in () if answer.silent else tables:
+        print_table(_place(console), rich_table(table))
         if notes and table.note:
-            print_plain(console, table.note)
+            _print_line(console, table.note)
+
+
+def _place(console: Console) -> Console:
+    """Return where to print: the standard error where the standard output takes a file."""
+    return Console(stderr=True) if _answer().beside and not console.stderr else console
 
 
 def rich_table(table: Table) -> rich.table.Table:
@@ -93,19 +201,34 @@ def say(text: str) -> None:
 
 def print_warnings(console: Console, warnings: Sequence[str]) -> None:
     """Print what a reader of a result should know, one line each; see `InverseDynamics.warnings`."""
-    for warning in warnings:
-        console.print(visible(warning), style="yellow", markup=False, highlight=False, soft_wrap=True)
+    answer = _answer()
+    answer.warnings += warnings
+    where = Console(stderr=True) if answer.silent else _place(console)
+    for warning in () if answer.as_json else warnings:
+        where.print(visible(warning), style="yellow", markup=False, highlight=False, soft_wrap=True)
 
 
-def print_plain(console: Console, text: str) -> None:
+def print_plain(console: Console, text: str, style: str = "") -> None:
     """Print without wrapping or markup: a path stays whole and can be copied."""
-    console.print(visible(text), markup=False, highlight=False, soft_wrap=True)
+    answer = _answer()
+    for path in answer.streams:
+        text = text.replace(str(path), "-")
+    answer.notes.append(text)
+    if not answer.silent:
+        _print_line(console, text, style)
+
+
+def _print_line(console: Console, text: str, style: str = "") -> None:
+    _place(console).print(visible(text), style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 def print_written(console: Console, paths: Iterable[Path]) -> None:
     """Say which files were written."""
-    for path in paths:
-        print_plain(console, f"wrote {path}")
+    answer = _answer()
+    for path in (path for path in paths if path not in answer.streams):
+        answer.files.append(str(path))
+        if not answer.silent:
+            _print_line(console, f"wrote {path}")
 
 
 def print_table(console: Console, table: rich.table.Table) -> None:

@@ -69,7 +69,7 @@ _OPTIONS = (
     METHOD,
     click.option(
         "--out",
-        type=OutputFile("table", stream=True),
+        type=OutputFile("table"),
         help="Motion file to write (CSV), - for the standard output; for --motion of other commands.",
     ),
     click.option(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import shlex
-import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,10 +20,10 @@ from p3dof._base.files import called, parse_yaml, read_text, suffix_of, together
 from p3dof.analysis.reactions import ALL, Choice, of_result
 from p3dof.cli.app import app
 from p3dof.cli.case import STIFFNESS, Case, load_friction_in, stiffness_in, with_case, with_load
-from p3dof.cli.files import JSON, STREAM, InputFile, OutputFile, protect, save_figure, source
+from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, save_figure, source
 from p3dof.cli.kinds import FIGURE, Whole
 from p3dof.cli.machine import PARAMETERS, actuator_options, any_size, driven, machine_of, payloads_in_words
-from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
+from p3dof.cli.output import give, in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.cli.reactions import JOINTS
 from p3dof.cli.work import (
     CLEARANCE,
@@ -45,7 +44,6 @@ from p3dof.design.design_comparison import (
     verdicts_table,
     write_comparisons,
 )
-from p3dof.design.design_comparison import as_json as text_of
 from p3dof.design.drives import read_catalogue
 from p3dof.design.fastest import limits_of
 from p3dof.design.forces_of_tasks import TaskForces
@@ -334,7 +332,6 @@ def _command(
 @click.option(
     "--samples", type=Whole(2, 1_000_000), default=SAMPLES, help="Least number of samples of a task."
 )
-@JSON
 @click.option(
     "--out", "table", type=OutputFile("table"), help="CSV file to write: the table of the comparison."
 )
@@ -351,7 +348,6 @@ def designs(
     parameters: Path | None,
     stiffness: Path | None,
     samples: int,
-    as_json: bool,
     table: Path | None,
     out: Path | None,
     figure: Path | None,
@@ -397,10 +393,8 @@ def designs(
             progress=progress,
         )
     written = _written(found, table, out, figure, _as_given())
-    if as_json:
-        sys.stdout.write(text_of(found) + "\n")
-    else:
-        _print(found, written)
+    give({"comparisons": [one.to_dict() for one in found]})
+    _print(found, written)
     return 0 if all(one.fits for part in found for one in part.assessments) else 1
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
@@ -18,12 +17,14 @@ from typing import NamedTuple
 
 import click
 from click.shell_completion import get_completion_class
+from rich.console import Console
 
 import p3dof
 from p3dof._base.errors import InputError
 from p3dof._base.files import together, write_atomic
 from p3dof.cli.app import FAILED, app
 from p3dof.cli.files import InputFile, OutputFolder, protect, source
+from p3dof.cli.output import deliver, give, print_plain, print_written
 from p3dof.design.drives import GENERIC, Catalogue, read_catalogue
 from p3dof.design.drives.catalogue import dump
 from p3dof.machine.motion import paper_motion
@@ -72,11 +73,12 @@ def init(folder: Path, catalogue_file: Path | None, drives_only: bool, force: bo
             raise InputError(f"{path} exists already: nothing was written; --force overwrites it")
     with together():
         written = [write_atomic(path, text) for path, text in texts.items()]
-    click.echo("\n".join(f"wrote {path}" for path in written))
+    print_written(console := Console(), written)
     if not drives_only:
         where = f", in {folder}" if folder != Path() else ""
-        click.echo(f"They work as they are. Try{where}:")
-        click.echo("\n".join(f"  p3dof {command}\n      {meaning}" for command, meaning in NEXT.items()))
+        print_plain(console, f"They work as they are. Try{where}:")
+        for command, meaning in NEXT.items():
+            print_plain(console, f"  p3dof {command}\n      {meaning}")
     return 0
 
 
@@ -171,21 +173,17 @@ class Finding(NamedTuple):
 
 
 @app.command()
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the results as JSON in SI units, and nothing else."
-)
-def doctor(as_json: bool) -> int:
+def doctor() -> int:
     """Check the installation: versions, compiled kernels, extras, engines, compiler, browser, cache.
 
     What is missing is optional: its line says what it would be for. Exit code 1 when something required is
     broken.
     """
-    findings = list(examined())
+    findings, console = list(examined()), Console()
     works = all(one.state != _BROKEN for one in findings)
-    if as_json:
-        click.echo(json.dumps({"works": works, "findings": [one._asdict() for one in findings]}, indent=1))
-    for one in () if as_json else findings:
-        click.echo(f"{one.state:9}{one.name:12}{one.detail}")
+    give({"works": works, "findings": [one._asdict() for one in findings]})
+    for one in findings:
+        print_plain(console, f"{one.state:9}{one.name:12}{one.detail}")
     return 0 if works else FAILED
 
 
@@ -273,5 +271,5 @@ def completion(shell: str) -> int:
     with zsh into ~/.zshrc, after compinit; for fish, p3dof completion fish | source into config.fish.
     """
     found = get_completion_class(shell)
-    click.echo("" if found is None else found(app, {}, "p3dof", "_P3DOF_COMPLETE").source())
+    deliver("" if found is None else found(app, {}, "p3dof", "_P3DOF_COMPLETE").source() + "\n")
     return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -19,10 +18,10 @@ from p3dof.analysis.tolerances import tolerance as tolerance_of
 from p3dof.analysis.tolerances.tolerance import plain_of
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
-from p3dof.cli.files import JSON, InputFile, OutputFolder, protect, save_figure, source
+from p3dof.cli.files import InputFile, OutputFolder, protect, save_figure, source
 from p3dof.cli.kinds import FIGURE, POSITIVE, Named, Whole, options
 from p3dof.cli.machine import Pose, say_payloads
-from p3dof.cli.output import in_options, print_written, progress_bar, show
+from p3dof.cli.output import give, in_options, print_written, progress_bar, show
 
 _WORDS = {
     "resume=True": "--resume",
@@ -49,7 +48,6 @@ _work = options(
     click.option("--out", type=OutputFolder(), help="Folder to write the sampled machines to; see --resume."),
     click.option("--resume", is_flag=True, help="Resume the work in the folder of --out."),
     FIGURE,
-    JSON,
 )
 """What long work needs."""
 
@@ -87,7 +85,6 @@ def tolerance(
     spread: Any,
     worst: float,
     figure: Path | None,
-    as_json: bool,
     **work: Any,
 ) -> int:
     """Tolerance analysis: the uncertainty of the forces over a motion, or of poses, from that of parameters.
@@ -115,7 +112,7 @@ def tolerance(
         if poses:
             del own["bodies"], own["fixed"]
         found = tolerance_of(case.robot, **asked, **own)
-    return _tell(case, found, tolerance_tables(found), "tolerance_figure", figure, as_json)
+    return _tell(case, found, tolerance_tables(found), "tolerance_figure", figure)
 
 
 @app.command()
@@ -153,7 +150,6 @@ def sensitivity(
     rows: int,
     drop_missing: bool,
     figure: Path | None,
-    as_json: bool,
     **work: Any,
 ) -> int:
     """Compute the sensitivities of the forces to parameters: Sobol' indices over ranges, or local ones.
@@ -178,7 +174,7 @@ def sensitivity(
             on_missing="drop" if drop_missing else "raise",
             **own,
         )
-    return _tell(case, found, (sensitivity_table(found),), "sensitivity_figure", figure, as_json)
+    return _tell(case, found, (sensitivity_table(found),), "sensitivity_figure", figure)
 
 
 @contextmanager
@@ -200,15 +196,11 @@ def _prepared(what: str, total: int | None, work: dict[str, Any]) -> Iterator[di
         }
 
 
-def _tell(
-    case: Case, found: Any, tables: tuple[Any, ...], draw: str, figure: Path | None, as_json: bool
-) -> int:
+def _tell(case: Case, found: Any, tables: tuple[Any, ...], draw: str, figure: Path | None) -> int:
     """Print what was found, and draw it."""
-    console = Console(stderr=as_json)
-    if as_json:
-        click.echo(json.dumps(plain_of(found)))
-    else:
-        say_payloads(console, case.robot.parameters, case.parameters, case.payload)
-        show(console, *tables, notes=True)
+    console = Console()
+    give(plain_of(found))
+    say_payloads(console, case.robot.parameters, case.parameters, case.payload)
+    show(console, *tables, notes=True)
     print_written(console, save_figure(lambda plots: getattr(plots, draw)(found), figure))
     return 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,10 +20,10 @@ from p3dof.analysis.reactions.stiffness import RodSection
 from p3dof.analysis.workspace import Workspace, WorkspaceMargins, box_table, plain_workspace, workspace_table
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
-from p3dof.cli.files import JSON, InputFile, OutputFile, protect, save_figure, source, write_results
+from p3dof.cli.files import InputFile, OutputFile, protect, save_figure, source, write_results
 from p3dof.cli.kinds import FIGURE, Amount, Number
 from p3dof.cli.machine import DRIVE_STIFFNESS, PARAMETERS, PAYLOAD, Pose, machine_of
-from p3dof.cli.output import print_plain, print_written, show
+from p3dof.cli.output import give, print_plain, print_written, show
 from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
 from p3dof.design.clearance import Clearance, clearance_over, clearance_table
 from p3dof.machine.motion import Motion, paper_motion
@@ -146,7 +144,6 @@ _LENGTH = click.option(
     type=OutputFile("map"),
     help="NetCDF file (.nc) to write: maps of the indices, by default of all.",
 )
-@JSON
 def workspace(
     parameters: Path | None,
     payload: Body | None,
@@ -163,7 +160,6 @@ def workspace(
     view: str,
     figure: Path | None,
     out: Path | None,
-    as_json: bool,
     **limits: Any,
 ) -> int:
     """Compute the workspace within stroke, tilt and margins: volume, areas, largest boxes.
@@ -187,19 +183,16 @@ def workspace(
     near = None
     if surroundings is not None or clearance is not None:
         near = clearance_over(robot, space, surroundings_in(surroundings), required=clearance or 0.0)
-    console = Console(stderr=as_json)
-    if as_json:
-        found = plain_workspace(space) | {"indices": means}
-        found |= {} if near is None else {"clearance": _plain_clearance(near)}
-        found |= {} if motion is None else {"motion_inside": not outside}
-        sys.stdout.write(json.dumps(found) + "\n")
-    else:
-        apart = [] if near is None else [clearance_table(near)]
-        show(console, workspace_table(space), box_table(space), *_table(means), *apart, notes=True)
-        if near is not None:
-            print_plain(console, near.verdict)
-        if motion is not None:
-            print_plain(console, outside or f"the motion stays inside ({len(motion)} samples)")
+    console = Console()
+    give(plain_workspace(space) | {"indices": means})
+    apart = [] if near is None else [clearance_table(near)]
+    show(console, workspace_table(space), box_table(space), *_table(means), *apart, notes=True)
+    if near is not None:
+        give({"clearance": _plain_clearance(near)})
+        print_plain(console, near.verdict)
+    if motion is not None:
+        give({"motion_inside": not outside})
+        print_plain(console, outside or f"the motion stays inside ({len(motion)} samples)")
     print_written(console, _written(space, names, motion, view, figure, out, options))
     return 1 if outside or not (near is None or near.fits) else 0
 
@@ -312,10 +305,9 @@ def _written(
 @click.option("--rigid-rods", is_flag=True, help="Rigid legs and rods.")
 @click.option(
     "--out",
-    type=OutputFile("table", stream=True),
+    type=OutputFile("table"),
     help="CSV file to write, - for the standard output: a row for each pose.",
 )
-@JSON
 def indices(
     case: Case,
     poses: tuple[list[float], ...],
@@ -325,7 +317,6 @@ def indices(
     rod_diameter: float | None,
     rigid_rods: bool,
     out: Path | None,
-    as_json: bool,
 ) -> int:
     """Compute performance indices at poses, or their least, mean and largest values along a motion.
 
@@ -338,8 +329,6 @@ def indices(
         raise click.UsageError("--rigid-rods and --rod-diameter exclude each other")
     if poses and case.motion_file is not None:
         raise click.UsageError("--pose and --motion exclude each other")
-    if as_json and out is not None and str(out) == "-":
-        raise click.UsageError("--json and --out - both take the standard output")
     wanted = check_names(names) or tuple(COLUMNS)
     rods = None if rigid_rods else RodSection(diameter=rod_diameter)
     where = np.array(poses, dtype=float) if poses else case.motion.pose
@@ -348,13 +337,6 @@ def indices(
     columns = columns_of(found, wanted)
     table = ({} if poses else {"t [s]": case.motion.time}) | found.to_columns(*wanted)
     write_results(lambda path: write_table(path, list(table), tuple(table.values())), out)
-    console = Console(stderr=True) if as_json else case.console(out)
-    if as_json:
-        plain: dict[str, Any] = {"length": found.length, "pose": where.tolist()}
-        plain["indices"] = {
-            name: [None if np.isnan(v) else float(v) for v in values] for name, values in columns.items()
-        }
-        sys.stdout.write(json.dumps(plain) + "\n")
-    else:
-        show(console, indices_table(found, columns), notes=True)
+    give({"length": found.length, "pose": where, "indices": columns})
+    show(case.console(out), indices_table(found, columns), notes=True)
     return 0

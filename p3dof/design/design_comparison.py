@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -469,8 +468,3 @@ def comparison_html(found: DesignComparison) -> str:
     """Return how a notebook shows designs side by side, as HTML."""
     facts = "; ".join(f"{one.name} {one.verdict}" for one in found.assessments)
     return notebook_html("Designs", facts, [comparison_table(found)])
-
-
-def as_json(found: Sequence[DesignComparison]) -> str:
-    """Return comparisons as JSON text."""
-    return json.dumps([one.to_dict() for one in found], indent=2, ensure_ascii=False)

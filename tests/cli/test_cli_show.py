@@ -147,7 +147,7 @@ def test_the_plain_page_of_meshcat():
         (["--parameters", "missing.yaml"], "missing.yaml"),
         (["--out", "same.png", "--screenshot", "same.png"], "same.png would be overwritten"),
         (["--out", "show.avi"], "show.avi: expected a file name that ends in .html, .mp4, .gif or .png"),
-        (["--out", "-"], "-: expected a file name that ends in .html"),
+        (["--out", "-", "--json"], "--json and --out - both take the standard output"),
         (["--video", "film.avi"], ".mp4 or .gif"),
         (["--screenshot", "picture.bmp"], ".png"),
         (["--meshcat", "--out", "show.png"], "show.png: --meshcat writes .html only"),

@@ -146,6 +146,7 @@ OPTIONS = r"""
 --prefix | text | Prefix of all names and
 --prior | flag | The estimate will use
 --ramp | number | (Time over which the motion|Ramps from and to rest)
+--quiet | flag | Print warnings and errors only
 --rate | number | (Sampling rate of the controller|Samples of the measurement)
 --reference | text | Reference configuration that selects the
 --reflected-mass | number | Reflected mass of motor and

@@ -201,7 +201,7 @@ def test_the_command_prints_and_writes(files, capsys):
     with (files / "t.csv").open(encoding="utf-8", newline="") as lines:
         table = list(csv.DictReader(lines))
     code, out, err = run(capsys, *line, "--json")
-    (data,) = json.loads(out)
+    (data,) = json.loads(out)["comparisons"]
     assert (code, err) == (0, "")
     assert [one["name"] for one in data["designs"]] == ["a", "b"]
     for row, measure in zip(table, data["measures"], strict=True):
@@ -222,7 +222,7 @@ def test_tasks_on_the_command_line(files, capsys):
         capsys, "compare-designs", "task.yaml", "other.yaml", "--duration", 1, "--samples", 101, "--json"
     )
     assert code == 0
-    assert [one["name"] for one in json.loads(out)[0]["designs"]] == ["task", "other"]
+    assert [one["name"] for one in json.loads(out)["comparisons"][0]["designs"]] == ["task", "other"]
 
 
 def test_bad_input_is_one_line_and_leaves_nothing(files, capsys):

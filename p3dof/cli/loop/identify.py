@@ -263,7 +263,7 @@ def _print(console: Console, found: Identification, checked: Validation | None) 
         print_warnings(console, ["not validated: give --validate a log of another motion"])
         return
     style = "bold green" if checked.better else "bold red"
-    console.print(checked.verdict, style=style, highlight=False, soft_wrap=True)
+    print_plain(console, checked.verdict, style)
 
 
 def command_of(name: str, *parts: object) -> str:

@@ -327,7 +327,7 @@ def info(robot: ClosedLoopModel, inputs: list[Path], listed: bool) -> int:
 @AT
 @click.option(
     "--out",
-    type=OutputFile("joints", stream=True),
+    type=OutputFile("joints"),
     help="File to write the positions of all joints to: .csv, or .yaml in the form of 'reference' of the "
     "sidecar; - for CSV on the standard output.",
 )
