@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from importlib import import_module
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import click
 from click.shell_completion import CompletionItem
@@ -143,6 +143,9 @@ _ALL = {
 class Command(click.Command):
     """A command with the options of all, and a help that any terminal can show: Click would write UTF-8."""
 
+    printing: ClassVar[Callable[[click.Context], AbstractContextManager[None]]] = nullcontext
+    """Within what a command runs: `p3dof.cli.output`, which all commands import, puts its own here."""
+
     def __init__(self, *arguments: Any, **others: Any) -> None:
         super().__init__(*arguments, **others)
         for name, words in _ALL.items():
@@ -151,9 +154,7 @@ class Command(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run it, and print what it has to tell as the options say."""
-        from p3dof.cli.output import printing  # it brings NumPy, which the help does not need
-
-        with printing(ctx):
+        with self.printing(ctx):
             return super().invoke(ctx)
 
     def get_help(self, ctx: click.Context) -> str:

@@ -28,7 +28,7 @@ from p3dof._base.checks import one_line, visible
 from p3dof._base.errors import P3dofError
 from p3dof._base.files import scratch_folder
 from p3dof._base.tables import NONE, Table
-from p3dof.cli.app import LONGEST, spelled
+from p3dof.cli.app import LONGEST, Command, spelled
 
 
 @dataclass
@@ -83,6 +83,9 @@ def printing(ctx: click.Context) -> Iterator[None]:
             _copy(file)
     if as_json:
         sys.stdout.write(json.dumps(answer.document(), indent=1) + "\n")
+
+
+Command.printing = staticmethod(printing)
 
 
 def _copy(file: Any) -> None:
