@@ -6,7 +6,12 @@ built-in error that a Python programmer would expect (`ValueError`, `RuntimeErro
 
 from __future__ import annotations
 
+import logging
 from typing import Any
+
+LOG = logging.getLogger("p3dof")
+"""What works otherwise than it might, such as a run in Python, is logged here, as INFO; silent by default."""
+LOG.addHandler(logging.NullHandler())
 
 __all__ = [
     "AssemblyError",

@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext, supp
 from importlib import import_module
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -143,8 +143,11 @@ _ALL = {
 class Command(click.Command):
     """A command with the options of all, and a help that any terminal can show: Click would write UTF-8."""
 
-    printing: ClassVar[Callable[[click.Context], AbstractContextManager[None]]] = nullcontext
-    """Within what a command runs: `p3dof.cli.output`, which all commands import, puts its own here."""
+    @staticmethod
+    def printing(ctx: click.Context) -> AbstractContextManager[None]:
+        """Return within what a command runs; `p3dof.cli.output`, which all commands import, has its own."""
+        del ctx
+        return nullcontext()
 
     def __init__(self, *arguments: Any, **others: Any) -> None:
         super().__init__(*arguments, **others)

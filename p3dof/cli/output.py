@@ -85,7 +85,7 @@ def printing(ctx: click.Context) -> Iterator[None]:
         sys.stdout.write(json.dumps(answer.document(), indent=1) + "\n")
 
 
-Command.printing = staticmethod(printing)
+Command.printing = staticmethod(printing)  # type: ignore[method-assign]
 
 
 def _copy(file: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import sys
 import threading
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 from rich.console import Console
 
+from p3dof._base.errors import LOG
 from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof.cli.app import tell_doubts
 from p3dof.cli.kinds import Number, Whole, as_one
@@ -116,6 +118,7 @@ class View:
         """Serve a page of something until Ctrl-C or a termination signal."""
         with until_signalled() as wait, make() as viewer:
             tell_doubts()
+            LOG.addHandler(logging.lastResort or logging.NullHandler())  # what a server refuses is said
             print_plain(Console(), f"{viewer.url} shows {what}; Ctrl-C ends it")
             sys.stdout.flush()
             if self.browse and has_display():

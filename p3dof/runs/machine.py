@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Progress
-from p3dof._base.errors import InputError
+from p3dof._base.errors import LOG, InputError
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
 from p3dof.closed_form.compiled import runs
 from p3dof.closed_form.compiled.kernels import in_words
@@ -150,6 +150,8 @@ class RunOfMachine(Run[Simulation]):
 
     def result(self, record: Recording, note: str) -> Simulation:
         """Return what the run leaves behind."""
+        if note:
+            LOG.info("a run in Python: %s", note)
         plant, watch, followed = self._plant, self._watch, self.followed()
         states, rates, time = np.array(record.states), np.array(record.rates), np.array(record.times)
         poses, velocities = (np.array(rows) for rows in zip(*map(plant.pose, states), strict=True))

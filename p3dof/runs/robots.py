@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Progress, one_line, require
-from p3dof._base.errors import AssemblyError, ControllerError, InputError, ModelError
+from p3dof._base.errors import LOG, AssemblyError, ControllerError, InputError, ModelError
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.compiled import build, runs
 from p3dof.loops.compiled.kept import Method
@@ -238,6 +238,8 @@ class RunOfRobot(Run[RobotRun]):
 
     def result(self, record: Recording, note: str) -> RobotRun:
         """Return what the run leaves behind."""
+        if note:
+            LOG.info("a run in Python: %s", note)
         return left_behind(
             self.loop,
             self.plant,

@@ -131,6 +131,10 @@ def test_the_version_says_which_kernels_run(capsys, monkeypatch):
         assert version(capsys)[1] == f"{begin}numpy: P3DOF_LEVEL asks for it)"
     monkeypatch.setattr(kernels, "_extension", lambda: None)
     monkeypatch.setattr(kernels, "find_spec", lambda _: None)
-    assert version(capsys)[1] == f"{begin}numpy: no compiler at installation)"
+    unbuilt = "no extension was built at installation (no compiler, or P3DOF_NO_EXTENSION)"
+    assert version(capsys)[1] == f"{begin}numpy: {unbuilt})"
+    for value, words in (("1", "no extension, P3DOF_NO_EXTENSION switches it off"), ("0", unbuilt)):
+        monkeypatch.setenv("P3DOF_NO_EXTENSION", value)
+        assert version(capsys)[1] == f"{begin}numpy: {words})"
     monkeypatch.setattr(kernels, "find_spec", lambda name: ModuleSpec(name, None))  # of another Python
     assert version(capsys)[1] == f"{begin}numpy: the extension does not load, install it again)"

@@ -1,6 +1,9 @@
 """No run is slow without a word: what keeps it from C, and what to do instead."""
 
+import logging
 import pickle
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -133,3 +136,25 @@ def test_a_load_of_the_command_line_is_no_function_of_python(ramp, tmp_path, cap
     wanted = WrenchHistory.from_csv(tmp_path / "w.csv")(phase)
     assert np.abs(found.wrench - wanted).max() < (0.01 if ramp else 1e-12)
     assert np.abs(wanted[:, 2]).max() == pytest.approx(20, abs=1)
+
+
+def test_the_logger_of_the_package_says_what_runs_in_python(caplog):
+    with caplog.at_level(logging.INFO, logger="p3dof"):
+        assert note_of() == ""
+        assert caplog.records == []
+        note = note_of(method="pinocchio")
+    (record,) = caplog.records
+    assert (record.name, record.levelname) == ("p3dof", "INFO")
+    assert record.getMessage() == f"a run in Python: {note}"
+
+
+def test_the_logger_says_how_many_runs_are_made(caplog):
+    with caplog.at_level(logging.INFO, logger="p3dof"):
+        many = ROBOT.simulate_many(0.01, {"start.y": [0.0, 0.001]})
+    assert [record.getMessage() for record in caplog.records] == [f"2 runs: {many.note}"]
+
+
+def test_the_logger_is_silent_where_nobody_configures_it():
+    script = "import logging, p3dof; p3dof.errors; logging.getLogger('p3dof.viewer').error('nobody asked')"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")

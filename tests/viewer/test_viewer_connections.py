@@ -127,7 +127,8 @@ def test_frames_without_a_mask_are_refused(opcode, started):
 
 
 FEW_FILES = """
-import resource, sys
+import logging, resource, sys
+logging.basicConfig(format="%(message)s")
 resource.setrlimit(resource.RLIMIT_NOFILE, (200, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
 from p3dof.viewer.server import Server
 from p3dof.viewer.window import SceneWindow

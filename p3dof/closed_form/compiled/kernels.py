@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from p3dof._base.algebra import BLOCK, components
 from p3dof._base.checks import FloatArray, as_floats, shown
-from p3dof._base.errors import InputError
+from p3dof._base.errors import LOG, InputError
 from p3dof._base.threads import OneThread, in_threads, shares, slices, thread_count
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
@@ -52,7 +52,7 @@ def levels() -> tuple[str, ...]:
 def in_words() -> str:
     """Return what new kernels run on in this process, and why if that is not the extension.
 
-    Such as ``"avx512, 2 threads"``, or ``"numpy: no compiler at installation"``.
+    Such as ``"avx512, 2 threads"``, or ``"numpy: P3DOF_LEVEL asks for it"``.
     """
     level, threads = _level(None), thread_count(None)
     if level != NUMPY:
@@ -60,7 +60,7 @@ def in_words() -> str:
     if _extension() is not None:
         return f"{NUMPY}: P3DOF_LEVEL asks for it"
     if find_spec("p3dof._native._compiled") is None:
-        return f"{NUMPY}: no compiler at installation"
+        return f"{NUMPY}: {_unbuilt()}"
     return f"{NUMPY}: the extension {_OLD if _is_old() else 'does not load, install it again'}"
 
 
@@ -315,7 +315,17 @@ def _extension() -> Any:
     if found is not None or _is_cut_off():
         reason = _CUT if found is None else _OLD
         warnings.warn(f"the compiled extension {reason}; until then NumPy does its work", stacklevel=2)
+    else:
+        LOG.info("kernels run in NumPy: %s", _unbuilt())
     return None
+
+
+def _unbuilt() -> str:
+    """Return why there is no extension, as far as it can be known: a wheel without it does not say why."""
+    name = "P3DOF_NO_EXTENSION"
+    if os.environ.get(name, "") not in {"", "0"}:
+        return f"no extension, {name} switches it off"
+    return f"no extension was built at installation (no compiler, or {name})"
 
 
 def _loaded() -> Any:

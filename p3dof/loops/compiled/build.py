@@ -23,7 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from p3dof._base.errors import MissingExtraError, ModelError
+from p3dof._base.errors import LOG, MissingExtraError, ModelError
 from p3dof._base.files import reason, scratch_folder, write_atomic
 
 LEVELS = {
@@ -91,6 +91,7 @@ def _key(command: Sequence[str], source: str) -> str:
 
 def _compiled(command: Sequence[str], sources: dict[Path, str]) -> list[Path]:
     """Compile texts side by side to the files that they are given for."""
+    LOG.info("%d sources are compiled by %s", len(sources), command[0])
     jobs: list[subprocess.Popen[str]] = []
     try:
         jobs += (_start(command, source, path) for path, source in sources.items())

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Progress, positive, shown, whole
-from p3dof._base.errors import InputError
+from p3dof._base.errors import LOG, InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.closed_form.compiled.kernels import NUMPY, MachineKernels
 from p3dof.closed_form.compiled.many import HISTORY_WIDTH, RESULTS
@@ -258,6 +258,7 @@ def _results(
     interrupted: bool,
     note: str,
 ) -> ManyRuns:
+    LOG.info("%d runs: %s", len(found), note)
     figures = {name: found[:, place] for name, place in RESULTS.items()}
     figures = {name: array[:, 0] if array.shape[1] == 1 else array for name, array in figures.items()}
     figures.pop("samples")
