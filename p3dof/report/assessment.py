@@ -100,10 +100,10 @@ def moving_page(found: Assessment) -> Any:
     reactions = found.reactions
     if reactions is not None and isinstance(found.found, TaskForces):
         reactions = without_jumps(reactions, found.found.plan)
-    clearance = found.clearance
-    return found.robot.page(
-        as_result(found.found), reactions=reactions, clearance=clearance, title=found.name
-    )
+    result, clearance = as_result(found.found), found.clearance
+    if clearance is not None and not np.array_equal(clearance.pose, result.motion.pose):
+        clearance = None  # of other samples, or of a workspace
+    return found.robot.page(result, reactions=reactions, clearance=clearance, title=found.name)
 
 
 def _answer(found: Assessment) -> dict[str, Any]:

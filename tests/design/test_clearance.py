@@ -37,6 +37,7 @@ from p3dof.design.clearance import (
 from p3dof.machine.description.shapes import Solids
 from p3dof.machine.motion import Motion, paper_motion
 from p3dof.machine.parameters import PAPER, Dimensions, Limits, Parameters
+from p3dof.report.assessment import moving_page
 
 FAR = CollisionShape("far", size=(0.1, 0.1, 0.1), at=(0.0, 0.0, -5.0))
 HOME = np.zeros((1, 3))
@@ -687,6 +688,14 @@ def test_an_assessment_fits_as_far_as_parts_keep_apart(robot):
     assert "where none is permissible" in hit.verdict
     with pytest.raises(InputError, match="clearance"):
         p3dof.assess(robot, result, clearance=0.01)
+
+
+def test_the_page_of_a_report_shows_the_nearest_parts_of_the_same_samples(robot):
+    result = robot.inverse_dynamics(along_y(samples=11))
+    for samples, there in ((11, True), (9, False)):
+        found = clearance_of(robot, along_y(samples=samples))
+        (run,) = moving_page(p3dof.assess(robot, result, clearance=found)).document["runs"]
+        assert ("nearest" in run) is there
 
 
 def test_the_figure_draws_the_distances_and_the_nearest_points(robot):

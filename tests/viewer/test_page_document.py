@@ -15,6 +15,7 @@ import p3dof
 from p3dof._base.errors import InputError
 from p3dof.codegen.web_controller import controller_module
 from p3dof.design import CollisionShape, Surroundings, clearance_of
+from p3dof.design.clearance import CollisionModel
 from p3dof.runs import simulate_robot
 from p3dof.viewer.document.encoding import DTYPES, decoded, encoded
 from p3dof.viewer.document.trees import placed_over, tree_of
@@ -290,10 +291,10 @@ def test_the_nearest_parts_are_points_a_curve_and_what_stands_around():
         own = np.eye(4)
         own[:3, :3] = Rotation.from_quat(solids["load"]["placement"][3:]).as_matrix()
         own[:3, 3] = solids["load"]["placement"][:3]
-        y, z, theta = MOTION.pose[sample]
-        platform = Rotation.from_rotvec([0, theta, 0])
-        level = np.array(decoded(run["pose"]))[sample]
-        np.testing.assert_array_equal(level, [y, z, theta])
+        platform = Rotation.from_rotvec([0, MOTION.pose[sample, 2], 0])
+        solids_there = CollisionModel(ROBOT.parameters, around).solids(MOTION.pose[sample])
+        (corners,) = (corners for part, corners, _ in solids_there if part == "load")
+        np.testing.assert_allclose((place @ own)[:3, 3], corners.mean(axis=0), atol=1e-12)
         expected = platform.as_matrix() @ Rotation.from_euler("xyz", [0.1, 0.2, 0.3]).as_matrix()
         np.testing.assert_allclose((place @ own)[:3, :3], expected, atol=1e-12)
     plain = read(page_document(ROBOT, MOTION, clearance=clearance_of(ROBOT, MOTION)))
