@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
 
 from p3dof._base.errors import InputError
@@ -125,7 +127,8 @@ def optimise(
         asked = read_problem(problem, any_size)
         if report is not None:
             _require_one_motion(asked)
-        with progress_bar("generations" if method == "evolution" else "starts", work) as progress:
+        counted = "combinations" if asked.discrete else "starts"
+        with progress_bar("generations" if method == "evolution" else counted, work) as progress:
             found = asked.minimise(
                 objective,
                 dict(subject_to),
@@ -233,11 +236,26 @@ def _require_one_motion(problem: DesignProblem) -> None:
 def _write_report(found: Optimum, path: Path) -> None:
     """Write the comparison of the optimum with the machine that there was, over the motion."""
     from p3dof.design.design_comparison import compare_designs
+    from p3dof.design.optimisation.population import Population
     from p3dof.report.assessment import write_designs
 
     problem = found.problem
-    machines = {"start": problem.machine(problem.start), "optimum": found.machine}
-    write_designs(path, compare_designs(machines, problem.setting.motion))
+    machines = {"start": problem.machine(np.nan_to_num(problem.start)), "optimum": found.machine}
+    work = problem.setting.duties
+    if work is None:
+        write_designs(path, compare_designs(machines, problem.setting.motion))
+        return
+    drives = work.catalogue
+    if drives is not None:  # with the lead that was found, and margins as they were kept
+        one = work.drive_of(Population(problem.setting, found.design[None]), 0)
+        parts = {"motors": [one.motor], "transmissions": [one.transmission], "gears": [one.gear]}
+        drives = replace(drives, **parts, axes={})
+    pages = []
+    for k, duty in enumerate(work.tasks, 1):
+        told = {duty.task.name or f"task {k}": duty.task}
+        how = {"duration": duty.duration, "rest": duty.rest, "samples": duty.samples}
+        pages += compare_designs(machines, told, bearings=work.bearings, drives=drives, **how)
+    write_designs(path, pages)
 
 
 def _as_data(found: Optimum) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from table_numbers import check_table, shows
 
 import p3dof
 from p3dof.cli import main
@@ -212,11 +213,10 @@ def test_choices_keep_margins_surroundings_and_required_life_of_the_catalogue() 
         assert (found["worst_utilisation"][0] <= 1) == sizing.fits
         hours = min(axis.nut.hours for axis in sizing.axes if axis.nut is not None)
         assert found["life"][0] == pytest.approx(hours, rel=1e-13)
-    warm = replace(MOTORS[1], rated_torque=0.01, peak_torque=5.0, brake_torque=9.0)  # its heat decides
-    used = [
-        problem({"R": (0.2, 0.3)}, drives=Catalogue([warm], [SCREWS[1]], ambient=where)).evaluate([0.25])
-        for where in (Ambient(), hot)
-    ]
+    warm = replace(MOTORS[1], inertia=2e-3, peak_torque=50.0, brake_torque=9.0)  # its heat decides
+    free = Margins(peak_torque=0.0)
+    asked_of = [Catalogue([warm], [SCREWS[1]], margins=free, ambient=where) for where in (Ambient(), hot)]
+    used = [problem({"R": (0.2, 0.3)}, drives=one).evaluate([0.25]) for one in asked_of]
     cool, heated = (one["worst_utilisation"][0] for one in used)
     assert heated / cool == pytest.approx(1 / 0.883176, rel=1e-5)  # as published for a maker's motors
 
@@ -316,6 +316,31 @@ def test_parts_without_a_cost_and_combinations_that_all_fail_are_told() -> None:
     assert Discrete("lead", "drive.lead", (0.01,)).told(0) == "0.01"
 
 
+@shows("p3dof.design.optimisation.pareto._combinations", "p3dof.design.optimisation.pareto.optimum_tables")
+def test_a_table_says_why_each_combination_was_left_out() -> None:
+    """The cheapest that fits is the best; what costs more is left out by its cost, by a sum by hand."""
+    catalogue = Catalogue(MOTORS, [SCREWS[1]])
+    bounds = {"worst_utilisation": {"max": 1.0}, "cost": {"max": 700.0}}
+    optimum = problem({"motor": "all"}, "cost", drives=catalogue, constraints=bounds).minimise()
+    table = optimum_tables(optimum)[-1]
+    worst = {
+        motor.name: max(r.required / r.limit for a in sized(motor, SCREWS[1]).axes for r in a.ratings)
+        for motor in MOTORS
+    }
+    assert worst["M100"] > 1 > worst["M200"]
+    unit = "worst_utilisation ≤ 1: violated by"
+    rows = {
+        "M200": (3 * (140 + 70), "best", "optimised"),
+        "M100": (np.nan, (unit, 1, worst["M100"] - 1, worst["M100"]), "optimised"),
+        "M400": (np.nan, ("cost ≤", 700, "at least", 810), "left out"),
+    }
+    told = {row[0]: row for row in table.rows}
+    assert [row[0] for row in table.rows] == ["M200", "M100", "M400"]
+    assert told["M200"][1:] == (630.0, "best", "optimised")
+    assert "810" in str(told["M400"][2])
+    check_table(table, rows, rtol=1e-3)
+
+
 def test_a_file_with_tasks_tells_motor_and_screw(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -336,7 +361,8 @@ def test_a_file_with_tasks_tells_motor_and_screw(
         "constraints": {"worst_utilisation": {"max": 0.8}},
     }
     Path("problem.yaml").write_text(yaml.safe_dump(data))
-    assert main(["optimise", "problem.yaml"]) == 0
+    assert main(["optimise", "problem.yaml", "--report", "better.html"]) == 0
+    assert "pick and place" in Path("better.html").read_text(encoding="utf-8")
     told = capsys.readouterr().out
     asked = p3dof.design.optimisation.read_problem("problem.yaml")
     optimum = asked.minimise()
