@@ -177,6 +177,13 @@ class MissingExtraError(P3dofError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
 
 
+NO_PINOCCHIO = (
+    "Pinocchio is not installed, which is needed here: pip install pin, which has no wheels for Windows and "
+    "musl; forces and runs by the methods 'compiled' and 'virtual-power' do without it"
+)
+"""What is said of a call that finds no Pinocchio."""
+
+
 class ControllerError(P3dofError, RuntimeError):
     """A controller raised, or returned something else than three finite forces.
 

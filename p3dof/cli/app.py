@@ -21,6 +21,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from p3dof._base.errors import (
+    NO_PINOCCHIO,
     AssemblyError,
     DynamicsError,
     ModelWarning,
@@ -328,8 +329,11 @@ def _called(arguments: Sequence[str] | None) -> int:
         return _told("interrupted", INTERRUPTED)
     except click.ClickException as error:
         return _fail(_said(error))
-    except MemoryError:
-        return _fail("there is not enough memory for this; fewer samples need less")
+    except (MemoryError, ModuleNotFoundError) as error:
+        if getattr(error, "name", "pinocchio") != "pinocchio":
+            raise
+        memory = "there is not enough memory for this; fewer samples need less"
+        return _fail(memory if isinstance(error, MemoryError) else NO_PINOCCHIO)
     return int(code or 0)
 
 

@@ -20,7 +20,7 @@ from click.shell_completion import get_completion_class
 from rich.console import Console
 
 import p3dof
-from p3dof._base.errors import InputError
+from p3dof._base.errors import NO_PINOCCHIO, InputError
 from p3dof._base.files import together, write_atomic
 from p3dof.cli.app import FAILED, app
 from p3dof.cli.files import InputFile, OutputFolder, protect, source
@@ -136,7 +136,7 @@ def _plain(number: float) -> str:
 
 
 REQUIRED = {"numpy": "numpy", "scipy": "scipy", "pin": "pinocchio", "PyYAML": "yaml", "rich": "rich"}
-"""Packages that the program cannot do without, and what is imported of each."""
+"""Packages that are always installed, pin where it has wheels, and what is imported of each."""
 
 EXTRAS = {
     "plot": ("figures", "matplotlib"),
@@ -205,6 +205,8 @@ def examined() -> Iterator[Finding]:
 
 
 def _required(package: str, module: str) -> Finding:
+    if package == "pin" and _version(package) is None:
+        return Finding(package, _MISSING, f"for other robots, pages and cross-checks: {NO_PINOCCHIO}")
     try:
         import_module(module)
     except Exception as error:  # whatever a broken installation may raise

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from p3dof._base.checks import FloatArray, Progress, shown
-from p3dof._base.errors import InputError
+from p3dof._base.errors import NO_PINOCCHIO, InputError, MissingExtraError
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.machine.motion.core import Motion
 from p3dof.machine.motion.states import States
@@ -106,8 +107,20 @@ class Machine(Protocol):
         """Its compiled kernels; made when they are first asked for."""
 
 
+@contextmanager
+def _with_pinocchio() -> Iterator[None]:
+    """Say what to do where Pinocchio is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != "pinocchio":
+            raise
+        raise MissingExtraError(NO_PINOCCHIO) from error
+
+
 def _pinocchio(machine: Machine) -> DynamicsMethod:
-    from p3dof.methods.pinocchio import PinocchioMethod
+    with _with_pinocchio():
+        from p3dof.methods.pinocchio import PinocchioMethod
 
     return PinocchioMethod(machine.parameters, machine.loop)
 
@@ -252,9 +265,11 @@ class ManipulatorModel:
     @cached_property
     def loop(self) -> ClosedLoopModel:
         """The mechanism as a closed-loop model on Pinocchio: armature, no friction or counterbalances."""
-        from p3dof.loops import ClosedLoopModel
         from p3dof.machine import description
-        from p3dof.methods.pinocchio import armature_of
+
+        with _with_pinocchio():
+            from p3dof.loops import ClosedLoopModel
+            from p3dof.methods.pinocchio import armature_of
 
         closures = description.sidecar(self.mechanism.without_balance())  # the method adds it itself
         loop = ClosedLoopModel.from_urdf(self.exact_urdf, closures, mimic=False)

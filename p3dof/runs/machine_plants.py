@@ -6,10 +6,9 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import cached_property, lru_cache
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 
 from p3dof._base.algebra import Scalar, Vector, apply_transposed, dot
 from p3dof._base.checks import FloatArray, shown
@@ -25,14 +24,15 @@ from p3dof.closed_form.kinematics.validity import reach_margins
 from p3dof.closed_form.paper.formulas import Lengths, configuration, jacobian
 from p3dof.closed_form.paper.friction import Actuation, actuation_of, losses_of
 from p3dof.closed_form.paper.virtual_power import actuator_forces, generalized_forces
-from p3dof.loops import ClosedLoopModel
 from p3dof.machine.parameters import LEGS, PLATFORM, Geometry, Parameters
 from p3dof.machine.parameters.body import inertials, numbers
-from p3dof.methods import JointStates, pinocchio
-from p3dof.methods.pinocchio import JointForces
+from p3dof.methods import JointStates
 from p3dof.runs.margins import Event, EventMargins, Stop
 from p3dof.runs.plants import ConstrainedPlant, Plant
 from p3dof.runs.settings import KINDS
+
+if TYPE_CHECKING:  # only `MachineJoints` needs Pinocchio, and imports it
+    from p3dof.loops import ClosedLoopModel
 
 HORIZONTAL = 1e-3  # a leg is at its reach when its drop is this share of its length: .06° from horizontal
 
@@ -399,6 +399,8 @@ class MachineJoints(ConstrainedPlant):
     """All joints of the tree, held together by its closures, with friction and counterbalances."""
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel, stabilisation: float) -> None:
+        from p3dof.methods.pinocchio import JointForces
+
         super().__init__(loop, stabilisation, (PLATFORM,), JointForces(loop, parameters).at)
         self._depth = parameters.geometry.h
         self._data = self.loop.model.createData()
@@ -409,11 +411,15 @@ class MachineJoints(ConstrainedPlant):
 
     def state(self, pose: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return the state (20,) of a pose and its velocity."""
-        found = pinocchio.complete(self.loop, self._depth, pose, velocity, np.zeros(3))
+        from p3dof.methods.pinocchio import complete
+
+        found = complete(self.loop, self._depth, pose, velocity, np.zeros(3))
         return np.concatenate([found.q, found.v])
 
     def pose(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return pose and velocity of the platform, (3,) each."""
+        import pinocchio as pin
+
         model, data = self.loop.model, self._data
         pin.forwardKinematics(model, data, *self.split(state))
         place = pin.updateFramePlacement(model, data, self._frame)
@@ -426,12 +432,16 @@ class MachineJoints(ConstrainedPlant):
 
     def drops(self, state: FloatArray) -> FloatArray:
         """Return by how much of its length each leg hangs down (3,): of leg C, in the plane across y0."""
+        import pinocchio as pin
+
         pin.forwardKinematics(self.loop.model, self._data, state[: self._nv])
         a, b, c = (self._data.oMi[joint].rotation[:, 0] for joint in self._legs)
         return np.array([-a[2], -b[2], -c[2] / np.hypot(c[0], c[2])])
 
     def acceleration(self, state: FloatArray, rate: FloatArray) -> FloatArray:
         """Return the acceleration of the pose (3,), given the derivative of the state."""
+        import pinocchio as pin
+
         model, data = self.loop.model, self._data
         pin.forwardKinematics(model, data, *self.split(state), rate[self._nv : 2 * self._nv])
         pin.updateFramePlacement(model, data, self._frame)

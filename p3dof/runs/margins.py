@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, Readable, shown
 from p3dof._base.errors import InputError
-from p3dof.loops.assembly import Limits
-from p3dof.loops.tables import closure_conditioning
-from p3dof.runs.plants import ConstrainedPlant
+
+if TYPE_CHECKING:  # margins of the machine need no Pinocchio, which those of other robots import
+    from p3dof.runs.plants import ConstrainedPlant
 
 
 @dataclass(frozen=True)
@@ -170,6 +169,8 @@ class RobotMargins:
     def __init__(
         self, plant: ConstrainedPlant, stop_at: Sequence[str], events: Sequence[Event], state: FloatArray
     ) -> None:
+        from p3dof.loops.assembly import Limits
+
         kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Iterable) else list(stop_at)
         if isinstance(stop_at, str) or any(kind not in ROBOT_KINDS for kind in kinds):
             raise InputError(f"stop_at: expected a list of {', '.join(ROBOT_KINDS)}, got {shown(stop_at)}")
@@ -196,6 +197,8 @@ class RobotMargins:
 
     def trend(self, time: float, state: FloatArray, ahead: float) -> tuple[FloatArray, FloatArray]:
         """Return the margins of a state at a time, and those a short time ahead at its present velocity."""
+        import pinocchio as pin
+
         q, v = self._plant.split(state)
         later = np.array(pin.integrate(self._model, q, v * ahead))
         return self._at(time, q, v), self._at(time + ahead, later, v)
@@ -226,6 +229,8 @@ class RobotMargins:
             return np.inf
         key = q.tobytes()
         if key not in self._known:
+            from p3dof.loops.tables import closure_conditioning
+
             if len(self._known) >= _KEPT:
                 self._known.clear()
             self._known[key] = closure_conditioning(self._plant.loop, q, self._rank) - _DEPENDENT

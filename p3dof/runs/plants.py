@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import DynamicsError, InputError
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
-from p3dof.loops import ClosedLoopModel, CompiledLoop
-from p3dof.loops.compiled.kept import Method, method_of
-from p3dof.loops.coordinates import ConfigurationRates
-from p3dof.loops.sidecar import suggestion
+
+if TYPE_CHECKING:  # the machine runs without Pinocchio, which all that other robots need imports
+    from p3dof.loops import ClosedLoopModel, CompiledLoop
+    from p3dof.loops.compiled.kept import Method
 
 CLOSED = 1e-9  # largest gap of a start, and share of its velocity that may open the loops
 
@@ -62,6 +61,9 @@ def states_for(
     q: FloatArray,
 ) -> CompiledStates | None:
     """Return what computes the states of a run, None for the robot's own methods."""
+    from p3dof.loops import CompiledLoop
+    from p3dof.loops.compiled.kept import method_of
+
     compiled = method_of(loop, method, frames)
     if compiled is None:
         return None
@@ -84,6 +86,8 @@ class Loads:
         known = [str(frame.name) for frame in loop.model.frames]
         for name in given:
             if name not in known:
+                from p3dof.loops.sidecar import suggestion
+
                 raise InputError(
                     f"external: the frame {shown(name)} does not exist; {suggestion(str(name), known)}"
                 )
@@ -159,6 +163,8 @@ class ConstrainedPlant:
         frames: Sequence[str] = (),
         resisting: Resisting | None = None,
     ) -> None:
+        from p3dof.loops.coordinates import ConfigurationRates
+
         self.loop = loop.copy()
         self.names = tuple(str(name) for name in self.loop.model.names[1:])
         self._beta = stabilisation
@@ -174,7 +180,11 @@ class ConstrainedPlant:
     def split(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return configuration (nq,) and velocity (nv,) of a state."""
         q, v = state[: self._nq], state[self._nq : self._nq + self._nv]
-        return (q if self._rates.flat else np.asarray(pin.normalize(self.loop.model, q))), v
+        if not self._rates.flat:
+            import pinocchio as pin
+
+            q = np.asarray(pin.normalize(self.loop.model, q))
+        return q, v
 
     def checked_state(self, q: ArrayLike, v: ArrayLike, tolerance: float) -> FloatArray:
         """Return the state of joint positions (nq,) and velocities (nv,)."""

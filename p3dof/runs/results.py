@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,14 +14,15 @@ from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import FileError, InputError
 from p3dof._base.files import called, suffix_of, write_atomic, write_table
 from p3dof._base.tables import Tabular
-from p3dof.loops import BatchReactions, ClosedLoopModel, ClosureJoint, ReactionSolver, reactions_batch
-from p3dof.loops.tables import is_slide, units_of_actuated
 from p3dof.runs import archive
 from p3dof.runs.archive import Member
 from p3dof.runs.integration import Recording
-from p3dof.runs.joint_controllers import JointReference
 from p3dof.runs.margins import ROBOT_KINDS, Occurrence, Stop
-from p3dof.runs.plants import ConstrainedPlant
+
+if TYPE_CHECKING:  # the machine runs without Pinocchio, which all that other robots need imports
+    from p3dof.loops import BatchReactions, ClosedLoopModel, ClosureJoint
+    from p3dof.runs.joint_controllers import JointReference
+    from p3dof.runs.plants import ConstrainedPlant
 
 ROBOT_STOPS = (*ROBOT_KINDS, "event", "accuracy", "controller")  # what may have ended a run of a robot
 
@@ -254,6 +255,8 @@ class RobotRun(RunResult, Tabular):
         ModelError
             If there is not one for each closure.
         """
+        from p3dof.loops import ReactionSolver, reactions_batch
+
         solver = ReactionSolver(self.loop, joints)
         return reactions_batch(solver, self.q, self.v, self.a, self.forces, dict(self.external))
 
@@ -262,6 +265,8 @@ class RobotRun(RunResult, Tabular):
 
         A limit that is zero or infinite is none: so are files that leave them out.
         """
+        from p3dof.loops.tables import is_slide
+
         model, found = self.loop.model, []
         effort, speed = np.asarray(model.upperEffortLimit), np.asarray(model.upperVelocityLimit)
         columns = [
@@ -296,6 +301,8 @@ class RobotRun(RunResult, Tabular):
             span = self.v[:, model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
             header += [f"{one} dot" for one in _numbered(name, span.shape[1])]
             columns += list(span.T)
+        from p3dof.loops.tables import units_of_actuated
+
         units = units_of_actuated(self.loop)
         header += [
             f"force {name} [{unit}]" for name, (_, unit) in zip(self.loop.actuated, units, strict=True)

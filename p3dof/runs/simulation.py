@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from p3dof._base.tables import (
     table_of,
     time_text,
 )
-from p3dof.analysis.reactions import Reactions, Stiffness, Way
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled import runs
 from p3dof.closed_form.compiled.kernels import MachineKernels
@@ -37,6 +36,9 @@ from p3dof.runs.controllers import Reference
 from p3dof.runs.margins import Occurrence, Stop
 from p3dof.runs.results import RunResult
 from p3dof.runs.settings import KINDS
+
+if TYPE_CHECKING:  # reactions are by Pinocchio
+    from p3dof.analysis.reactions import Reactions, Stiffness, Way
 
 STOPS = (*KINDS, "event", "accuracy", "controller")  # what may have ended a run
 
