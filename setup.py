@@ -1,4 +1,6 @@
-"""What pyproject.toml cannot say: the optional extensions, compiled kernels and numbers of tables as text.
+"""What pyproject.toml cannot say: the optional extensions, and the model files.
+
+The extensions are compiled kernels and numbers of tables as text.
 
 Without a compiler or Python's headers the build goes on and NumPy does the work; the wheel is then one for
 any platform (``py3-none-any``), so that its name tells it from one with the extension.
@@ -23,6 +25,7 @@ from typing import Any
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 
 KERNELS = Path("p3dof/_native")
 FLAGS = ["-O3", "-g0", "-fno-math-errno", "-fno-trapping-math", "-ffp-contract=fast", "-fopenmp-simd"]
@@ -34,6 +37,11 @@ GCC = ["-fno-schedule-insns2"]
 
 ABOVE = {"avx2": {"__AVX2__", "__FMA__"}, "avx512": {"__AVX512F__", "__AVX512DQ__", "__AVX512VL__"}}
 """The levels above the baseline, and what gcc and clang define on a processor that has them."""
+
+
+ROBOTS = Path("docs/_static/gallery")
+MODELS = {"urdf": [*Path("urdf").iterdir()], "gallery": [*ROBOTS.glob("*.urdf"), *ROBOTS.glob("*.yaml")]}
+"""What a wheel has in p3dof/models, by folder: `p3dof.model_files` finds it there."""
 
 
 class BuildKernels(build_ext):
@@ -103,6 +111,19 @@ def defined(compiler: Sequence[str]) -> set[str]:
     return set(re.findall(r"^#define (\w+)", told, re.M))
 
 
+class BuildWithModels(build_py):
+    """Copy the model files, which the repository has where readers look for them, into the package."""
+
+    def run(self) -> None:
+        """Build; in place they are found where they are."""
+        super().run()
+        for name, files in ({} if self.editable_mode else MODELS).items():
+            folder = Path(self.build_lib, "p3dof/models", name)
+            self.mkpath(folder.as_posix())
+            for file in sorted(files):
+                self.copy_file(file.as_posix(), folder.as_posix())
+
+
 class NamedWheel(bdist_wheel):
     """A wheel named after what is in it."""
 
@@ -131,4 +152,7 @@ def extensions() -> list[Extension]:
     ]
 
 
-setup(ext_modules=extensions(), cmdclass={"build_ext": BuildKernels, "bdist_wheel": NamedWheel})
+setup(
+    ext_modules=extensions(),
+    cmdclass={"build_ext": BuildKernels, "build_py": BuildWithModels, "bdist_wheel": NamedWheel},
+)

@@ -39,7 +39,7 @@ from .viewer import robot_page, show_robot
 from ._base.errors import FileError, InputError, ModelError, P3dofError
 
 # Modules, whose names are used with their prefix: p3dof.viewer.save_video, p3dof.methods.engines.load, ...
-from ._base import blocks, errors
+from ._base import blocks, errors, model_files
 from . import analysis, closed_form, codegen, design, loops, machine, methods, report, runs, viewer
 
 # The version
@@ -85,6 +85,7 @@ __all__ = [
     "loops",
     "machine",
     "methods",
+    "model_files",
     "of_solids",
     "paper_motion",
     "read_parameters",

@@ -76,7 +76,6 @@ def run(page: Path, folder: Path, clone: bool = True) -> dict[str, object]:
     """
     if clone:
         shutil.copytree(ROOT / "urdf", folder / "urdf")
-        shutil.copytree(ROOT / "docs/_static/gallery", folder / "gallery")
         (folder / "out").mkdir()
     session: dict[str, object] = {}
     for block in blocks(page):

@@ -55,6 +55,7 @@ TESTS = {
     "p3dof/_base/quantities.py": ("shown_tables", "parameters", "parameter_data", "units"),
     "p3dof/_base/outputs.py": ("outputs",),
     "p3dof/_base/threads.py": ("threads",),
+    "p3dof/_base/model_files.py": ("model_files",),
     "p3dof/_base/files/": ("files", "outputs"),
     "p3dof/_base/tables.py": ("tables", "every_number", "shown_tables"),
     "p3dof/_base/time_series/": ("motion", "measured_motions", "shown_tables"),

@@ -4,7 +4,7 @@ from typing import Any
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["blocks", "errors"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["blocks", "errors", "model_files"])
 
 
 def attach(package: str, file: str) -> tuple[Any, Any, Any]:

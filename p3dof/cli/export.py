@@ -12,6 +12,7 @@ from rich.console import Console
 
 from p3dof._base.errors import MissingExtraError
 from p3dof._base.files import together
+from p3dof._base.model_files import PACKAGE_PATH
 from p3dof.cli.app import app
 from p3dof.cli.files import CHECK, FORCE, STREAM, InputFile, OutputFolder, print_check, protect, source
 from p3dof.cli.machine import PARAMETERS, machine_of, say_payloads
@@ -169,6 +170,9 @@ def _write_or_check(job: Job, check: bool) -> int:
     if check:
         if job.out == STREAM:
             raise click.UsageError("--check: expected the folder of the files to check, not -")
+        if job.out is None and job.parameters is None and not folder.is_dir():
+            folder = Path(PACKAGE_PATH)
+            say("there is no folder urdf here: the files that come with p3dof are checked")
         machine = machine_of(job.parameters).parameters
         found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
         return print_check({folder: found})

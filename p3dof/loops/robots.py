@@ -14,6 +14,7 @@ import pinocchio as pin
 from p3dof._base.checks import shown
 from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
+from p3dof._base.model_files import in_gallery
 from p3dof.loops.coordinates import with_armature
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
@@ -70,8 +71,8 @@ def load_robot(
     Parameters
     ----------
     source : str or path-like
-        The path of a file, its text, or the name of a robot of example-robot-data, such as ``"panda"`` (with
-        the extra ``models``), which floats if it does there.
+        The path of a file, its text, or the name of a robot: of the gallery, as ``"gallery/stewart"``, or
+        of example-robot-data, such as ``"panda"`` (with the extra ``models``), which floats if it does there.
     sidecar : Sidecar, mapping, str or path-like, optional
         Loops and actuated joints that the file does not hold, see `Sidecar`. Its actuated joints go before
         those that ``<transmission>`` and ``<ros2_control>`` name. By default the file of the same
@@ -177,7 +178,7 @@ def _found(
     path, floating = _path(source), False
     if path is None and not is_text(source):
         path, floating = urdf_of(str(source))
-        source = path
+    source = source if path is None else path
     if path is not None and path.lower().endswith(Macros.SUFFIX):
         source = Macros(path, xacro_args)
     elif xacro_args:
@@ -238,6 +239,7 @@ def _path(source: object) -> str | None:
     path = os.fspath(source)
     if not isinstance(path, str) or "<" in path:
         raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
+    path = in_gallery(path) or path
     plain = Path(path).name == path and not path.lower().endswith(_SUFFIXES)
     return None if plain and not isinstance(source, os.PathLike) and not _is_there(path) else path
 

@@ -55,7 +55,7 @@ def test_every_test_file_was_measured():
     assert gone == [], advice
 
 
-@pytest.mark.parametrize("name", ["blocks", "errors"])
+@pytest.mark.parametrize("name", ["blocks", "errors", "model_files"])
 def test_a_module_below_the_doors_is_there_when_it_is_the_first_name(name):
     code = f"import p3dof; assert p3dof.{name}.__all__ or dir(p3dof.{name})"
     subprocess.run([sys.executable, "-c", code], check=True)

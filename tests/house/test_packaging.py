@@ -34,6 +34,8 @@ def source(tmp_path):
     tree = tmp_path / "source"
     left_out = shutil.ignore_patterns("*.so", "__pycache__", "generated")
     shutil.copytree(ROOT / "p3dof", tree / "p3dof", ignore=left_out)
+    for name in ("urdf", "docs/_static/gallery"):
+        shutil.copytree(ROOT / name, tree / name)
     for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
         shutil.copy(ROOT / name, tree)
     for code in (tree / "p3dof" / "_native").glob("*.c"):
@@ -85,6 +87,16 @@ def test_a_wheel_without_the_extension_on_purpose(source):
     assert not has_extension(members)
     assert name.endswith("-py3-none-any.whl")
     assert "Root-Is-Purelib: true" in metadata
+    models = {f"urdf/{path.name}" for path in (ROOT / "urdf").iterdir()}
+    robots = [file for file in (ROOT / "docs/_static/gallery").iterdir() if file.suffix != ".png"]
+    models |= {f"gallery/{path.name}" for path in robots}
+    packed = [member.partition("p3dof/models/")[2] for member in members if "p3dof/models/" in member]
+    assert sorted(packed) == sorted(models)
+    shutil.unpack_archive(source / "wheels" / name, source / "installed", "zip")
+    held = "from p3dof import model_files; print(model_files.REPOSITORY_PATH, *model_files.NAMES)"
+    here = {**os.environ, "PYTHONPATH": str(source / "installed")}
+    told = subprocess.check_output([sys.executable, "-c", held], text=True, env=here, cwd=source / "wheels")
+    assert told.split() == [str(source / "installed/p3dof/models"), *p3dof.model_files.NAMES]
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64" or sys.platform != "linux", reason="levels of x86")
