@@ -70,7 +70,7 @@ generated: $(DEV) ## are the committed generated files up to date?
 	$(BIN)/p3dof codegen --kernels --check
 	$(BIN)/p3dof codegen --page --check
 
-page: $(MODULES) ## build the pages for the browser, p3dof/viewer/document/*.html
+page: $(MODULES) ## build the pages for the browser, p3dof/viewer/document/*.html, and THIRD-PARTY.md
 	cd page && node build.mjs
 
 # Types, the built page and the tests of its scripts; who only shows a page needs no Node.

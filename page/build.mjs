@@ -1,4 +1,5 @@
-// Builds p3dof/viewer/document/page.html and studio.html: files with all scripts and styles in them. `--check` only compares.
+// Builds p3dof/viewer/document/page.html and studio.html, files with all scripts and styles in them, and THIRD-PARTY.md, the
+// works in them and their licences. `--check` only compares.
 import { createHash } from "node:crypto";
 import { readFile, readdir, writeFile } from "node:fs/promises";
 import { basename, dirname } from "node:path";
@@ -29,7 +30,7 @@ const PAGES = [
         style: "studio.css",
         wasm: "",
         notices: {
-            "Apache ECharts": ["echarts/NOTICE", "echarts/LICENSE"],
+            "Apache ECharts": ["echarts/NOTICE", "echarts/LICENSE", "echarts/licenses/LICENSE-d3"],
             zrender: ["zrender/LICENSE"],
             tslib: ["tslib/LICENSE.txt"],
         },
@@ -40,7 +41,10 @@ const PAGES = [
 /** @typedef {typeof PAGES[number]} Page */
 
 /** @param {Page} page */
-const targetOf = ({ target }) => fileURLToPath(new URL(`../p3dof/viewer/document/${target}`, import.meta.url));
+const pathOf = ({ target }) => `p3dof/viewer/document/${target}`;
+
+/** @param {string} path relative to the repository */
+const fileOf = (path) => fileURLToPath(new URL(`../${path}`, import.meta.url));
 
 /** @param {string} path relative to this file */
 const read = async (path) => (await readFile(new URL(path, import.meta.url), "utf8")).trim();
@@ -123,11 +127,12 @@ const small = {
 
 /** @param {string} entry @param {string} kind */
 async function bundle(entry, kind) {
-    const { outputFiles } = await build({
+    const { outputFiles, metafile } = await build({
         entryPoints: [fileURLToPath(new URL(entry, import.meta.url))],
         bundle: true,
         minify: true,
         write: false,
+        metafile: true,
         format: "iife",
         target: "es2022",
         charset: "utf8",
@@ -136,19 +141,59 @@ async function bundle(entry, kind) {
     });
     const text = outputFiles[0].text.trim();
     if (text.includes(`</${kind}`)) throw new Error(`${entry}: the bundle has </${kind} in it`);
-    return text;
+    /** @type {Set<string>} */
+    const works = new Set();
+    for (const [path, { bytesInOutput }] of Object.entries(Object.values(metafile.outputs)[0].inputs)) {
+        const [, name] = /node_modules\/((?:@[^/]+\/)?[^/]+)/.exec(path) ?? [];
+        if (name && bytesInOutput) works.add(name);
+    }
+    return { text, works };
+}
+
+/** Packages whose licences are among the notices. @param {Page} page */
+const worksOf = ({ notices }) => Object.values(notices).map(([path]) => /^(?:@[^/]+\/)?[^/]+/.exec(path)?.[0] ?? path);
+
+/** @param {string} name @param {string[]} paths */
+async function noticeOf(name, paths) {
+    const parts = await Promise.all(paths.map((path) => read(`node_modules/${path}`)));
+    return [name, ...parts].join("\n\n");
+}
+
+/** What other works the pages have in them: versions and licences as in package-lock.json, and their notices whole. */
+async function thirdParties() {
+    const { packages } = JSON.parse(await read("package-lock.json"));
+    const rows = [];
+    const texts = [];
+    for (const about of PAGES) {
+        for (const [i, work] of worksOf(about).entries()) {
+            const { version, license } = packages[`node_modules/${work}`];
+            rows.push(`| ${work} | ${version} | ${license} | \`${pathOf(about)}\` |`);
+            const [name, paths] = Object.entries(about.notices)[i];
+            texts.push(`## ${work}\n\n\`\`\`text\n${(await noticeOf(name, paths)).replace(/[ \t]+$/gm, "")}\n\`\`\``);
+        }
+    }
+    return `# Works of others in the package
+
+p3dof is under the [BSD 2-Clause licence](LICENSE). The pages that it writes hold these works, bundled from \`page/\`; each page
+carries their notices. \`make page\` writes this file from \`page/package-lock.json\`.
+
+| work | version | licence | in |
+|---|---|---|---|
+${rows.join("\n")}
+
+${texts.join("\n\n")}
+`;
 }
 
 /** @param {Page} about */
-async function page({ frame, script: entry, style: sheet, wasm, notices, places }) {
-    const script = await bundle(entry, "script");
-    const style = await bundle(sheet, "style");
+async function page(about) {
+    const { frame, script: entry, style: sheet, wasm, notices, places } = about;
+    const { text: script, works } = await bundle(entry, "script");
+    const { text: style, works: styles } = await bundle(sheet, "style");
+    const [held, noticed] = [[...new Set([...works, ...styles])], worksOf(about)].map((names) => names.sort().join(", "));
+    if (held !== noticed) throw new Error(`${about.target} holds ${held}, but its notices are of ${noticed}`);
     const hash = createHash("sha256").update(script).digest("base64");
-    const texts = [];
-    for (const [name, paths] of Object.entries(notices)) {
-        const parts = await Promise.all(paths.map((/** @type {string} */ path) => read(`node_modules/${path}`)));
-        texts.push([name, ...parts].join("\n\n"));
-    }
+    const texts = await Promise.all(Object.entries(notices).map(([name, paths]) => noticeOf(name, paths)));
     const policy = [
         "default-src 'none'",
         `script-src 'sha256-${hash}'${wasm}`,
@@ -171,16 +216,18 @@ async function page({ frame, script: entry, style: sheet, wasm, notices, places 
     return `${html}\n`;
 }
 
-for (const about of PAGES) {
-    const html = await page(about);
+/** @type {[string, string][]} */
+const made = [["THIRD-PARTY.md", await thirdParties()]];
+for (const about of PAGES) made.push([pathOf(about), await page(about)]);
+for (const [path, text] of made) {
     if (process.argv.includes("--check")) {
-        const written = await readFile(targetOf(about), "utf8").catch(() => "");
-        if (written !== html) {
-            console.error(`p3dof/viewer/document/${about.target} is not what page/ builds: run \`make page\` and commit it`);
+        const written = await readFile(fileOf(path), "utf8").catch(() => "");
+        if (written !== text) {
+            console.error(`${path} is not what page/ builds: run \`make page\` and commit it`);
             process.exit(1);
         }
     } else {
-        await writeFile(targetOf(about), html);
-        console.log(`wrote p3dof/viewer/document/${about.target}: ${(html.length / 1000).toFixed(0)} kB`);
+        await writeFile(fileOf(path), text);
+        console.log(`wrote ${path}: ${(text.length / 1000).toFixed(0)} kB`);
     }
 }

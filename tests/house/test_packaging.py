@@ -1,9 +1,11 @@
-"""What is installed says what it is: wheels by their names, the program by its version."""
+"""What is installed says what it is: wheels by their names and licences, the program by its version."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -19,6 +21,9 @@ import p3dof
 from p3dof.cli import main
 from p3dof.closed_form.compiled import kernels
 
+PROJECT = (ROOT / "pyproject.toml").read_text(encoding="utf-8")  # Python 3.10 reads no TOML
+(LICENCE,) = re.findall(r'^license = "(.*)"$', PROJECT, re.MULTILINE)
+LICENCE_FILES = json.loads(re.findall(r"^license-files = (.*)$", PROJECT, re.MULTILINE)[0])
 COMPILER = (sysconfig.get_config_var("CC") or "cc").split()[0]
 SMALL = """
 #include <Python.h>
@@ -36,7 +41,7 @@ def source(tmp_path):
     shutil.copytree(ROOT / "p3dof", tree / "p3dof", ignore=left_out)
     for name in ("urdf", "docs/_static/gallery"):
         shutil.copytree(ROOT / name, tree / name)
-    for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "MANIFEST.in"):
+    for name in ("setup.py", "pyproject.toml", "README.md", "LICENSE", "THIRD-PARTY.md", "MANIFEST.in"):
         shutil.copy(ROOT / name, tree)
     for code in (tree / "p3dof" / "_native").glob("*.c"):
         code.write_text(SMALL if code.stem == "_compiled" else "extern int nothing;\n")
@@ -97,6 +102,30 @@ def test_a_wheel_without_the_extension_on_purpose(source):
     here = {**os.environ, "PYTHONPATH": str(source / "installed")}
     told = subprocess.check_output([sys.executable, "-c", held], text=True, env=here, cwd=source / "wheels")
     assert told.split() == [str(source / "installed/p3dof/models"), *p3dof.model_files.NAMES]
+    (information,) = {member.partition("/")[0] for member in members if ".dist-info/" in member}
+    metadata = (source / "installed" / information / "METADATA").read_text(encoding="utf-8")
+    assert re.findall("^License-Expression: (.*)", metadata, re.MULTILINE) == [LICENCE]
+    assert re.findall("^License-File: (.*)", metadata, re.MULTILINE) == LICENCE_FILES
+    for file in LICENCE_FILES:
+        packed = source / "installed" / information / "licenses" / file
+        assert packed.read_bytes() == (ROOT / file).read_bytes()
+
+
+def test_the_works_of_others_are_those_of_the_pages_under_their_licences():
+    """And which works each page holds, `make page` and its check compare with what the bundler took."""
+    packages = json.loads((ROOT / "page/package-lock.json").read_text(encoding="utf-8"))["packages"]
+    text = (ROOT / "THIRD-PARTY.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\S+) \| ([\d.]+) \| (\S+) \| `(\S+)` \|$", text, re.MULTILINE)
+    notices = dict(re.findall(r"^## (\S+)\n\n```text\n(.*?)\n```$", text, re.MULTILINE | re.DOTALL))
+    assert list(notices) == [work for work, *_ in rows]
+    assert {page for *_, page in rows} == {
+        f"p3dof/viewer/document/{name}.html" for name in ("page", "studio")
+    }
+    for work, version, licence, page in rows:
+        known = packages[f"node_modules/{work}"]
+        assert (known["version"], known["license"]) == (version, licence)
+        assert " ".join(notices[work].split()) in " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    assert set(LICENCE.split(" AND ")) == {"BSD-2-Clause", *(licence for _, _, licence, _ in rows)}
 
 
 @pytest.mark.skipif(platform.machine() != "x86_64" or sys.platform != "linux", reason="levels of x86")
