@@ -86,6 +86,17 @@ def test_a_robot_that_is_not_in_the_gallery_is_named():
 def test_commands_take_the_names(capsys):
     assert run(capsys, "loop", "export", "gallery/four_bar", "--out", "four_bar.xml")[0] == 0
     assert Path("four_bar.xml").is_file()
+    ros = ["loop", "export", "gallery/four_bar", "--format", "ros2", "--out", "ros"]
+    assert run(capsys, *ros)[0] == 0
+    Path("four_bar.urdf").write_bytes((GALLERY / "four_bar.urdf").read_bytes())
+    assert (
+        run(capsys, "loop", "export", "four_bar.urdf", str(GALLERY / "four_bar.yaml"), *ros[3:-1], "other")[0]
+        == 0
+    )
+    there = [sorted(path.relative_to(one) for path in Path(one).rglob("*.*")) for one in ("ros", "other")]
+    assert there[0] == there[1] != []
+    for path in there[0]:
+        assert (Path("ros") / path).read_bytes() == (Path("other") / path).read_bytes()
     code, _, error = run(capsys, "loop", "info", "gallery/four_bars")
     assert (code, error.count("\n")) == (2, 1)
     assert "did you mean 'gallery/four_bar'" in error

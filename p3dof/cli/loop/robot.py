@@ -18,6 +18,7 @@ from rich.console import Console
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import AssemblyError, InputError, ParameterError
 from p3dof._base.files import read_text, write_atomic, write_table
+from p3dof._base.model_files import in_gallery
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.cli.app import FAILED
@@ -107,6 +108,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
     ) -> Any:
         if reference is not None and reference.lower().endswith(".csv"):
             raise InputError("--reference: expected a keyframe or group state; a motion is given by --motion")
+        file = Path(in_gallery(str(file)) or file)
         inputs = [path for path in (file, sidecar, srdf) if path is not None]
         protect(inputs, ())
         with in_options(_OPTIONS):
