@@ -14,7 +14,7 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 endif
 DEV := $(VENV)/.dev$(EXTRAS)
 # What the extension is built from: a change builds it again.
-SOURCES := setup.py MANIFEST.in $(wildcard p3dof/_native/*.[ch] p3dof/_native/generated/*.h p3dof/_base/tracing/*.h p3dof/_base/integrators/*.h)
+SOURCES := setup.py MANIFEST.in $(wildcard p3dof/_native/*.[ch] p3dof/_native/generated/*.h p3dof/_base/*.h p3dof/_base/tracing/*.h p3dof/_base/integrators/*.h)
 DEBIAN := cmake liburdfdom-tools libsdformat-dev pkg-config g++ clang libclang-rt-dev lld chromium chromium-headless-shell nodejs $(if $(shell command -v npm),,npm) \
 	$(if $(filter x86_64,$(shell uname -m)),gcc-multilib) cppcheck \
 	binutils-riscv64-linux-gnu libc6-dev-armhf-cross libc6-dev-riscv64-cross qemu-user
@@ -33,7 +33,7 @@ GROUPS ?= 0
 ONLY ?=
 
 .PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
-.PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
+.PHONY: wheels-check pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
@@ -157,6 +157,11 @@ benchmarks: $(DEV) ## time all contenders, subject by subject, which takes long
 public-benchmark: $(DEV) ## hold every engine that is installed against the public benchmark
 	$(BIN)/python docs/benchmark/run.py --write
 	$(BIN)/python docs/benchmark/tables.py
+
+# Of the Pythons that are there: the wheels that cibuildwheel makes for all systems, as pyproject.toml has it.
+PYTHONS ?= $(foreach minor,10 11 12 13 14,$(shell python3.$(minor) -c 'import venv' 2>/dev/null && echo python3.$(minor)))
+wheels-check: $(DEV) ## build what is published twice, and try each wheel in an empty environment: half an hour
+	$(BIN)/python tests/wheels.py --out $(OUT)/dist $(PYTHONS)
 
 export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export

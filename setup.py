@@ -16,6 +16,8 @@ import os
 import re
 import runpy
 import subprocess
+import sys
+import sysconfig
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -34,6 +36,10 @@ the order of additions stay as written."""
 
 GCC = ["-fno-schedule-insns2"]
 """What takes gcc long and makes no kernel faster, left out; with -O2, many runs are 12 to 25 % slower."""
+
+STABLE = sys.version_info >= (3, 12) and not sysconfig.get_config_var("Py_GIL_DISABLED")
+"""Whether the extensions keep to Python's stable ABI: one wheel then serves this Python and later ones."""
+LIMITED_API = 0x030C0000
 
 ABOVE = {"avx2": {"__AVX2__", "__FMA__"}, "avx512": {"__AVX512F__", "__AVX512DQ__", "__AVX512VL__"}}
 """The levels above the baseline, and what gcc and clang define on a processor that has them."""
@@ -61,6 +67,7 @@ class BuildKernels(build_ext):
                 (f"P3DOF_NO_{level.upper()}", "1") for level in ABOVE if level not in wanted
             ]
             if self.compiler.compiler_type != "msvc":
+                extension.extra_link_args = ["-s"] if sys.platform == "linux" else []  # no symbols
                 extension.extra_compile_args = FLAGS + (GCC if known and "__clang__" not in known else [])
             built = Path(self.get_ext_fullpath(extension.name))
             old = built.read_bytes() if built.is_file() and "__x86_64__" in known else None
@@ -139,20 +146,30 @@ def extensions() -> list[Extension]:
     """Return the extensions, unless they are not wanted."""
     if os.environ.get("P3DOF_NO_EXTENSION", "") not in {"", "0"}:
         return []
+    limited: list[tuple[str, str | None]] = [("Py_LIMITED_API", hex(LIMITED_API))] if STABLE else []
     sources = runpy.run_path((KERNELS / "sources.py").as_posix())
     return [
         Extension(
             "p3dof._native._compiled",
             [source.as_posix() for source in sorted(KERNELS.glob("*.c"))],
             depends=[header.as_posix() for header in sources["headers"](Path("p3dof"))],
-            define_macros=[("P3DOF_SOURCES", f"{sources['fingerprint'](Path('p3dof'))}LL")],
+            define_macros=[("P3DOF_SOURCES", f"{sources['fingerprint'](Path('p3dof'))}LL"), *limited],
+            py_limited_api=STABLE,
             optional=True,
         ),
-        Extension("p3dof._base.files._numbers", ["p3dof/_base/files/_numbers.c"], optional=True),
+        Extension(
+            "p3dof._base.files._numbers",
+            ["p3dof/_base/files/_numbers.c"],
+            depends=["p3dof/_base/stable_abi.h"],
+            define_macros=limited,
+            py_limited_api=STABLE,
+            optional=True,
+        ),
     ]
 
 
 setup(
     ext_modules=extensions(),
+    options={"bdist_wheel": {"py_limited_api": "cp312"}} if STABLE else {},
     cmdclass={"build_ext": BuildKernels, "build_py": BuildWithModels, "bdist_wheel": NamedWheel},
 )

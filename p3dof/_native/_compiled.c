@@ -4,9 +4,7 @@
  * Every kernel is compiled for several levels of the instruction set; the CPU decides at run time which of them
  * there are. Nothing here knows what a kernel computes. The module has no state but its constants.
  */
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-#include <structmember.h>
+#include "../_base/stable_abi.h"
 
 #include "levels.h"
 
@@ -85,12 +83,7 @@ static int fill_module(PyObject *module)
 
 static PyModuleDef_Slot module_slots[] = {
     {Py_mod_exec, (void *)fill_module},
-#if PY_VERSION_HEX >= 0x030C0000
-    {Py_mod_multiple_interpreters, Py_MOD_PER_INTERPRETER_GIL_SUPPORTED},
-#endif
-#if PY_VERSION_HEX >= 0x030D0000
-    {Py_mod_gil, Py_MOD_GIL_NOT_USED},
-#endif
+    IN_EVERY_INTERPRETER WITHOUT_GIL
     {0, NULL},
 };
 

@@ -190,8 +190,10 @@ static int is_double(const Py_buffer *view)
 static int take_buffer(PyObject *object, Py_buffer *view, int writable, const char *what, int index)
 {
     if (!PyObject_CheckBuffer(object)) {
-        PyErr_Format(PyExc_TypeError, "%s %d must be a buffer of doubles, not %.100s", what, index,
-                     Py_TYPE(object)->tp_name);
+        PyObject *type = name_of_type(object);
+        if (type)
+            PyErr_Format(PyExc_TypeError, "%s %d must be a buffer of doubles, not %.100U", what, index, type);
+        Py_XDECREF(type);
         return -1;
     }
     if (PyObject_GetBuffer(object, view, PyBUF_RECORDS_RO) < 0)
@@ -423,7 +425,7 @@ static PyObject *Call_new(PyTypeObject *type, PyObject *args, PyObject *keywords
     const Level *level = kernel ? level_named(level_name) : NULL;
     if (!level)
         return NULL;
-    Call *self = (Call *)type->tp_alloc(type, 0);
+    Call *self = (Call *)PyType_GenericAlloc(type, 0);
     if (!self)
         return NULL;
     self->kernel = kernel;
@@ -469,7 +471,7 @@ static void Call_dealloc(PyObject *object)
     PyMem_Free(self->constants);
     PyMem_Free(self->columns);
     PyMem_Free(self->views);
-    type->tp_free(object);
+    PyObject_GC_Del(object);
     Py_DECREF(type);
 }
 
@@ -491,10 +493,10 @@ PyDoc_STRVAR(Call_doc,
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
 
 static PyMemberDef Call_members[] = {
-    {"__vectorcalloffset__", T_PYSSIZET, offsetof(Call, vectorcall), READONLY, NULL},
-    {"kernel", T_STRING, offsetof(Call, kernel_name), READONLY, "Name of the kernel."},
-    {"level", T_STRING, offsetof(Call, level_name), READONLY, "Name of the level."},
-    {"size", T_PYSSIZET, offsetof(Call, size), READONLY, "How many samples the columns have."},
+    {"__vectorcalloffset__", Py_T_PYSSIZET, offsetof(Call, vectorcall), Py_READONLY, NULL},
+    {"kernel", Py_T_STRING, offsetof(Call, kernel_name), Py_READONLY, "Name of the kernel."},
+    {"level", Py_T_STRING, offsetof(Call, level_name), Py_READONLY, "Name of the level."},
+    {"size", Py_T_PYSSIZET, offsetof(Call, size), Py_READONLY, "How many samples the columns have."},
     {NULL, 0, 0, 0, NULL},
 };
 

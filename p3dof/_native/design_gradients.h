@@ -235,13 +235,13 @@ static void run_tangent(const DesignLoop *self, Tangent *tangent, Run *forces, d
 static int run_tangents(const DesignLoop *self, const DesignTables *tables, int symmetric)
 {
     const size_t scratch = LINES_OF_TANGENT * DESIGN_LINE, padded = (size_t)self->motion.padded;
-    double *room = PyMem_RawMalloc((scratch + 8 * padded + CACHE_LINE) * sizeof(double));
-    ptrdiff_t *turns = PyMem_RawMalloc(padded * sizeof(ptrdiff_t));
+    double *room = malloc((scratch + 8 * padded + CACHE_LINE) * sizeof(double));
+    ptrdiff_t *turns = malloc(padded * sizeof(ptrdiff_t));
     Tangent tangent;
 
     if (!room || !turns) {
-        PyMem_RawFree(room);
-        PyMem_RawFree(turns);
+        free(room);
+        free(turns);
         return -1;
     }
     memset(&tangent, 0, sizeof tangent);
@@ -256,8 +256,8 @@ static int run_tangents(const DesignLoop *self, const DesignTables *tables, int 
         tangent.offset = tables->offsets ? tables->offsets + 3 * k : NOWHERE;
         run_tangent(self, &tangent, self->tangents[symmetric], tables->out + k * self->width);
     }
-    PyMem_RawFree(room);
-    PyMem_RawFree(turns);
+    free(room);
+    free(turns);
     return 0;
 }
 

@@ -266,8 +266,10 @@ static double *take_table(DesignTables *tables, PyObject *object, int width, int
     Py_buffer *view = &tables->views[tables->held];
 
     if (!PyObject_CheckBuffer(object)) {
-        PyErr_Format(PyExc_TypeError, "the %s must be a buffer of doubles, not %.100s", what,
-                     Py_TYPE(object)->tp_name);
+        PyObject *type = name_of_type(object);
+        if (type)
+            PyErr_Format(PyExc_TypeError, "the %s must be a buffer of doubles, not %.100U", what, type);
+        Py_XDECREF(type);
         return NULL;
     }
     if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) < 0)
@@ -311,13 +313,13 @@ static const double NOWHERE[3] = {0.0, 0.0, 0.0};
 static int run_designs(const DesignLoop *self, const DesignTables *tables)
 {
     const size_t scratch = LINES_OF_DESIGN * DESIGN_LINE, padded = (size_t)self->motion.padded;
-    double *room = PyMem_RawMalloc((scratch + 4 * padded + CACHE_LINE) * sizeof(double));
-    ptrdiff_t *turns = PyMem_RawMalloc(padded * sizeof(ptrdiff_t));
+    double *room = malloc((scratch + 4 * padded + CACHE_LINE) * sizeof(double));
+    ptrdiff_t *turns = malloc(padded * sizeof(ptrdiff_t));
     Design design;
 
     if (!room || !turns) {
-        PyMem_RawFree(room);
-        PyMem_RawFree(turns);
+        free(room);
+        free(turns);
         return -1;
     }
     memset(&design, 0, sizeof design);
@@ -330,8 +332,8 @@ static int run_designs(const DesignLoop *self, const DesignTables *tables)
         design.offset = tables->offsets ? tables->offsets + 3 * k : NOWHERE;
         run_design(self, &design, tables->out + k * self->width);
     }
-    PyMem_RawFree(room);
-    PyMem_RawFree(turns);
+    free(room);
+    free(turns);
     return 0;
 }
 
@@ -454,7 +456,7 @@ static PyObject *DesignLoop_new(PyTypeObject *type, PyObject *args, PyObject *ke
     const int sliding = asked & (ASK_SLIDERS | ASK_POWER);
     if (strncmp(kernel->name, "design_", 7) != 0 || (sliding && kernel->outputs != 10))
         return PyErr_Format(PyExc_ValueError, "%s does not return what is asked for", kernel->name);
-    DesignLoop *self = (DesignLoop *)type->tp_alloc(type, 0);
+    DesignLoop *self = (DesignLoop *)PyType_GenericAlloc(type, 0);
     if (!self)
         return NULL;
     self->vectorcall = DesignLoop_vectorcall;
@@ -475,7 +477,7 @@ static void DesignLoop_dealloc(PyObject *object)
 {
     PyTypeObject *type = Py_TYPE(object);
     PyMem_Free(((DesignLoop *)object)->numbers);
-    type->tp_free(object);
+    PyObject_Free(object);
     Py_DECREF(type);
 }
 
@@ -499,7 +501,7 @@ PyDoc_STRVAR(DesignLoop_doc,
              "ValueError\n    If a name is unknown, or a buffer does not fit.");
 
 static PyMemberDef DesignLoop_members[] = {
-    {"__vectorcalloffset__", T_PYSSIZET, offsetof(DesignLoop, vectorcall), READONLY, NULL},
+    {"__vectorcalloffset__", Py_T_PYSSIZET, offsetof(DesignLoop, vectorcall), Py_READONLY, NULL},
     {NULL, 0, 0, 0, NULL},
 };
 

@@ -50,7 +50,7 @@ static PyObject *Function_new(PyTypeObject *type, PyObject *args, PyObject *keyw
     const Level *level = kernel ? level_named(level_name) : NULL;
     if (!level)
         return NULL;
-    Function *self = (Function *)type->tp_alloc(type, 0);
+    Function *self = (Function *)PyType_GenericAlloc(type, 0);
     if (!self)
         return NULL;
     self->vectorcall = Function_vectorcall;
@@ -68,7 +68,7 @@ static void Function_dealloc(PyObject *object)
 {
     PyTypeObject *type = Py_TYPE(object);
     PyMem_Free(((Function *)object)->constants);
-    type->tp_free(object);
+    PyObject_Free(object);
     Py_DECREF(type);
 }
 
@@ -84,9 +84,9 @@ PyDoc_STRVAR(Function_doc,
              "ValueError\n    If a name is unknown, or the constants do not fit.");
 
 static PyMemberDef Function_members[] = {
-    {"__vectorcalloffset__", T_PYSSIZET, offsetof(Function, vectorcall), READONLY, NULL},
-    {"kernel", T_STRING, offsetof(Function, kernel_name), READONLY, "Name of the kernel."},
-    {"level", T_STRING, offsetof(Function, level_name), READONLY, "Name of the level."},
+    {"__vectorcalloffset__", Py_T_PYSSIZET, offsetof(Function, vectorcall), Py_READONLY, NULL},
+    {"kernel", Py_T_STRING, offsetof(Function, kernel_name), Py_READONLY, "Name of the kernel."},
+    {"level", Py_T_STRING, offsetof(Function, level_name), Py_READONLY, "Name of the level."},
     {NULL, 0, 0, 0, NULL},
 };
 

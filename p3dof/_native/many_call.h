@@ -199,7 +199,7 @@ static PyObject *run_many(PyObject *module, PyObject *const *args, Py_ssize_t co
         return NULL;
     const ptrdiff_t runs = take_many(&buffers, args + 2) < 0 ? -1 : fill_batch(&batch, &buffers);
     const ManyKernels *found = &level->many;
-    void *room = runs < 0 ? NULL : PyMem_RawMalloc((wide ? found->wide_size : found->single_size) + 64);
+    void *room = runs < 0 ? NULL : malloc((wide ? found->wide_size : found->single_size) + 64);
     if (runs >= 0 && !room)
         PyErr_NoMemory();
     if (room) {
@@ -207,7 +207,7 @@ static PyObject *run_many(PyObject *module, PyObject *const *args, Py_ssize_t co
         Py_BEGIN_ALLOW_THREADS
         (wide ? found->wide : found->single)(&batch, aligned, 0, runs);
         Py_END_ALLOW_THREADS
-        PyMem_RawFree(room);
+        free(room);
     }
     release_many(&buffers);
     if (!room)

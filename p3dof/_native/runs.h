@@ -419,7 +419,7 @@ static PyObject *Run_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
     if (motion == MOTIONS)
         PyErr_Format(PyExc_ValueError, "no kernel %R of motion", kernel_name);
     const Level *level = motion < MOTIONS ? level_named(level_name) : NULL;
-    RunObject *self = level ? (RunObject *)type->tp_alloc(type, 0) : NULL;
+    RunObject *self = level ? (RunObject *)PyType_GenericAlloc(type, 0) : NULL;
     if (!self)
         return NULL;
     self->level = level;
@@ -436,7 +436,7 @@ static void Run_dealloc(PyObject *object)
         PyMem_Free(self->tables[k]);
     PyMem_Free(self->run.late);
     PyMem_Free(self->run.out);
-    type->tp_free(object);
+    PyObject_Free(object);
     Py_DECREF(type);
 }
 
@@ -490,10 +490,10 @@ static PyMethodDef Run_methods[] = {
 };
 
 static PyMemberDef Run_members[] = {
-    {"time", T_DOUBLE, offsetof(RunObject, run.t), READONLY, "Where the run is [s]."},
-    {"evaluations", T_LONGLONG, offsetof(RunObject, run.evaluations), READONLY, "Of the equations of motion."},
-    {"count", T_PYSSIZET, offsetof(RunObject, run.count), READONLY, "How many samples there are."},
-    {"index", T_INT, offsetof(RunObject, run.index), READONLY, "Which limit ended the run."},
+    {"time", Py_T_DOUBLE, offsetof(RunObject, run.t), Py_READONLY, "Where the run is [s]."},
+    {"evaluations", Py_T_LONGLONG, offsetof(RunObject, run.evaluations), Py_READONLY, "Of the equations of motion."},
+    {"count", Py_T_PYSSIZET, offsetof(RunObject, run.count), Py_READONLY, "How many samples there are."},
+    {"index", Py_T_INT, offsetof(RunObject, run.index), Py_READONLY, "Which limit ended the run."},
     {NULL, 0, 0, 0, NULL},
 };
 

@@ -446,7 +446,7 @@ static PyObject *Sample_new(PyTypeObject *type, PyObject *args, PyObject *keywor
     const Level *level = kernel ? level_named(level_name) : NULL;
     if (!level)
         return NULL;
-    Sample *self = (Sample *)type->tp_alloc(type, 0);
+    Sample *self = (Sample *)PyType_GenericAlloc(type, 0);
     if (!self)
         return NULL;
     self->vectorcall = Sample_vectorcall;
@@ -476,7 +476,7 @@ static void Sample_dealloc(PyObject *object)
     Py_XDECREF(self->empty);
     Py_XDECREF(self->shape);
     PyMem_Free(self->constants);
-    type->tp_free(object);
+    PyObject_Free(object);
     Py_DECREF(type);
 }
 
@@ -504,9 +504,9 @@ PyDoc_STRVAR(Sample_doc,
              "ValueError\n    If a name is unknown, or something does not fit.");
 
 static PyMemberDef Sample_members[] = {
-    {"__vectorcalloffset__", T_PYSSIZET, offsetof(Sample, vectorcall), READONLY, NULL},
-    {"kernel", T_STRING, offsetof(Sample, kernel_name), READONLY, "Name of the kernel."},
-    {"level", T_STRING, offsetof(Sample, level_name), READONLY, "Name of the level."},
+    {"__vectorcalloffset__", Py_T_PYSSIZET, offsetof(Sample, vectorcall), Py_READONLY, NULL},
+    {"kernel", Py_T_STRING, offsetof(Sample, kernel_name), Py_READONLY, "Name of the kernel."},
+    {"level", Py_T_STRING, offsetof(Sample, level_name), Py_READONLY, "Name of the level."},
     {NULL, 0, 0, 0, NULL},
 };
 

@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[1]
 
 def headers(package: Path = PACKAGE) -> list[Path]:
     """Return the files that the extension includes."""
-    places = ("_native", "_native/generated", "_base/integrators", "_base/tracing")
+    places = ("_native", "_native/generated", "_base", "_base/integrators", "_base/tracing")
     return sorted(header for place in places for header in (package / place).glob("*.h"))
 
 

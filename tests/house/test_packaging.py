@@ -15,6 +15,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import pytest
+import wheels
 from documents import ROOT
 
 import p3dof
@@ -72,10 +73,11 @@ def has_extension(members):
 def test_a_wheel_without_the_extension_does_not_pass_for_one_with_it(source):
     if shutil.which(COMPILER) is None or not Path(sysconfig.get_path("include"), "Python.h").exists():
         pytest.skip("no compiler, or no headers of Python")
-    own = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    stable = sys.version_info >= (3, 12) and not sysconfig.get_config_var("Py_GIL_DISABLED")
+    own = "cp312-abi3" if stable else "cp{0}{1}-cp{0}{1}".format(*sys.version_info)
     name, members, metadata = wheel(source)
     assert has_extension(members)
-    assert f"-{own}-{own}-" in name
+    assert f"-{own}-" in name
     assert "Root-Is-Purelib: false" in metadata
     code = source / "p3dof" / "_native" / "_compiled.c"
     code.write_text(SMALL + "/* changed, so that it has to be compiled again */\n")
@@ -145,6 +147,20 @@ def test_which_levels_of_the_processor_an_extension_is_compiled_for(source):
         found[asked] = [level for level in ("avx2", "avx512") if f"level {level}".encode() in data]
         shutil.rmtree(source / "build")
     assert found == {"": ["avx2", "avx512"], "native": best}
+
+
+def test_which_wheel_is_for_which_python():
+    """As pip takes them; `make wheels-check` tries each where it fits."""
+    names = {
+        "p3dof-0.1.0-cp310-cp310-linux_x86_64.whl": [(3, 10)],
+        "p3dof-0.1.0-cp311-cp311-manylinux_2_17_x86_64.whl": [(3, 11)],
+        "p3dof-0.1.0-cp312-abi3-linux_x86_64.whl": [(3, 12), (3, 13), (3, 14)],
+        "p3dof-0.1.0-py3-none-any.whl": [(3, 10), (3, 11), (3, 12), (3, 13), (3, 14)],
+    }
+    for name, pythons in names.items():
+        assert [of for of in ((3, k) for k in range(10, 15)) if wheels.fits(Path(name), of)] == pythons
+    assert f"0x{wheels.STABLE[0]:02X}{wheels.STABLE[1]:02X}0000" == "0x030C0000"
+    assert "LIMITED_API = 0x030C0000" in (ROOT / "setup.py").read_text(encoding="utf-8")
 
 
 def version(capsys):

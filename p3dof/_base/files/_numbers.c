@@ -5,8 +5,7 @@
  * power of ten of 128 bits; where the product is too near the middle between two doubles to tell, and for what is rare,
  * Python's own reader decides. Both take the powers of ten from Python, which has integers of any length.
  */
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
+#include "../stable_abi.h"
 
 #include <stdint.h>
 #include <string.h>
@@ -182,10 +181,9 @@ static int take_column(Column *column, PyObject *given, Py_ssize_t *rows, Py_ssi
 static PyObject *written(const Column *columns, Py_ssize_t count, Py_ssize_t rows, Py_ssize_t room, const Wide *powers,
                          int point)
 {
-    PyObject *found = PyBytes_FromStringAndSize(NULL, room);
-    if (!found)
-        return NULL;
-    char *const begin = PyBytes_AS_STRING(found), *at = begin;
+    char *const begin = PyMem_Malloc((size_t)room + 1), *at = begin;
+    if (!begin)
+        return PyErr_NoMemory();
     for (Py_ssize_t row = 0; row < rows; ++row) {
         for (Py_ssize_t k = 0; k < count; ++k) {
             if (columns[k].texts) {
@@ -201,7 +199,8 @@ static PyObject *written(const Column *columns, Py_ssize_t count, Py_ssize_t row
             *at++ = k + 1 < count ? ',' : '\n';
         }
     }
-    _PyBytes_Resize(&found, at - begin);
+    PyObject *found = PyBytes_FromStringAndSize(begin, at - begin);
+    PyMem_Free(begin);
     return found;
 }
 
@@ -408,12 +407,7 @@ static PyMethodDef methods[] = {
 };
 
 static PyModuleDef_Slot slots[] = {
-#if PY_VERSION_HEX >= 0x030C0000
-    {Py_mod_multiple_interpreters, Py_MOD_PER_INTERPRETER_GIL_SUPPORTED},
-#endif
-#if PY_VERSION_HEX >= 0x030D0000
-    {Py_mod_gil, Py_MOD_GIL_NOT_USED},
-#endif
+    IN_EVERY_INTERPRETER WITHOUT_GIL
     {0, NULL},
 };
 
