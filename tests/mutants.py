@@ -286,7 +286,7 @@ TESTS = {
     ),
     "p3dof/design/optimisation/robust.py": ("robust",),
     "p3dof/design/optimisation/statement.py": ("optimisation", "mixed", "own_bodies", "optima"),
-    "p3dof/design/optimisation/mixed.py": ("mixed",),
+    "p3dof/design/optimisation/minimising.py": ("mixed", "optimisation", "optima", "pareto"),
     "p3dof/design/optimisation/task_measures.py": ("mixed",),
     "p3dof/design/optimisation/measures.py": (
         "optimisation",

@@ -62,11 +62,11 @@ from p3dof.design.optimisation.minimising import (
     STARTS,
     Optimiser,
     asking,
+    by_combinations,
     by_descents,
     by_evolution,
     require_effort,
 )
-from p3dof.design.optimisation.mixed import by_combinations
 from p3dof.design.optimisation.optimum import Optimum
 from p3dof.design.optimisation.pareto import GENERATIONS as FRONT_GENERATIONS
 from p3dof.design.optimisation.pareto import POINTS, POPULATION, Front, FrontMethod, front_of, require_front
