@@ -26,6 +26,7 @@ MODULES := page/node_modules/.package-lock.json
 export PYTHONDONTWRITEBYTECODE :=
 
 LOWEST := .venv-lowest
+TOOLS := $(OUT)/tools
 # The files of tests by their names, behind whichever door they are.
 FILES = $(foreach name,$(1),$(or $(wildcard tests/*/test_$(name).py),$(error no test_$(name).py)))
 COUNT ?= 300
@@ -33,7 +34,8 @@ GROUPS ?= 0
 ONLY ?=
 
 .PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
-.PHONY: wheels-check pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
+.PHONY: release-check wheels-check sdist wheels sbom lock
+.PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
 	$(BIN)/p3dof compare --out $(OUT)
@@ -162,6 +164,31 @@ public-benchmark: $(DEV) ## hold every engine that is installed against the publ
 PYTHONS ?= $(foreach minor,10 11 12 13 14,$(shell python3.$(minor) -c 'import venv' 2>/dev/null && echo python3.$(minor)))
 wheels-check: $(DEV) ## build what is published twice, and try each wheel in an empty environment: half an hour
 	$(BIN)/python tests/wheels.py --out $(OUT)/dist $(PYTHONS)
+# A release: .github/workflows/release.yml makes these targets for a tag, and publishes what is in out/dist.
+release-check: $(DEV) ## do version, changelog, citation and tag agree?
+	$(BIN)/pytest -q tests/house/test_release.py
+
+sdist: $(TOOLS)/.ready ## build the source distribution into out/dist
+	$(TOOLS)/bin/python -m build --sdist --outdir $(OUT)/dist .
+	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*.tar.gz
+
+# For every Python and system of the processor at hand where cibuildwheel can (docker, or macOS), else for this Python.
+wheels: $(TOOLS)/.ready ## build wheels into out/dist
+	@if docker info >/dev/null 2>&1 || [ "$$(uname)" = Darwin ]; then \
+		$(TOOLS)/bin/cibuildwheel --output-dir $(OUT)/dist; \
+	else P3DOF_BUILD_LEVELS=all $(TOOLS)/bin/python -m pip wheel --quiet --no-deps --wheel-dir $(OUT)/dist .; fi
+	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*.whl
+
+sbom: $(TOOLS)/.ready ## list what an installation consists of (CycloneDX), into out/sbom.json
+	@$(PYTHON) -m venv --clear $(OUT)/installed
+	@P3DOF_NO_EXTENSION=1 $(OUT)/installed/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+		'.[plot,report,viz]'
+	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --mc-type library --output-reproducible \
+		--output-file $(OUT)/sbom.json $(OUT)/installed/bin/python
+
+lock: $(TOOLS)/.ready ## lock the package and what it needs with hashes, into out/pylock.toml
+	$(TOOLS)/bin/python -m pip lock --quiet --constraint constraints.txt --output pylock.toml '.[plot,report,viz]'
+	mv pylock.toml $(OUT)/
 
 export: $(DEV) ## write the files of urdf/ anew
 	$(BIN)/p3dof export
@@ -191,6 +218,11 @@ $(LOWEST)/.ready: $(DEV) tests/lowest.py
 	@rm -rf $(LOWEST) && $(PYTHON) -m venv $(LOWEST)
 	$(BIN)/python tests/lowest.py cluster plot report viz test > $(LOWEST)/lowest.txt
 	P3DOF_BUILD_LEVELS=all $(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
+	@touch $@
+
+$(TOOLS)/.ready:
+	@$(PYTHON) -m venv $(TOOLS)
+	@$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' build cibuildwheel cyclonedx-bom twine
 	@touch $@
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
