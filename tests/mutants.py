@@ -307,7 +307,7 @@ TESTS = {
     "p3dof/analysis/indices/": ("indices",),
     "p3dof/analysis/indices/definitions.py": ("workspace_maps", "indices"),
     "p3dof/design/tasks/": ("tasks", "fastest", "fastest_jerk", "fastest_drives"),
-    "p3dof/design/tasks/paths.py": ("tasks", "fastest_motion", "fastest"),
+    "p3dof/design/tasks/paths.py": ("tasks", "fastest_motion", "fastest", "joint_paths"),
     "p3dof/design/tasks/f": ("fastest", "tasks", "fastest_jerk", "fastest_drives"),
     "p3dof/design/tasks/laws.py": ("fastest_jerk", "fastest", "tasks"),
     "p3dof/design/drives/": ("margins", "drive_numbers", "winding", "drives"),

@@ -139,6 +139,7 @@ class _Asked:
         else:
             task = read_task(source(file))
         robot = machine_of(self.parameters)
+        task = task.on(robot.parameters.geometry)
         if self.wrench_out is not None and not any(waypoint.wrench.any() for waypoint in task.waypoints):
             raise InputError("--wrench-out: there is no external load in this task")
         return task, robot

@@ -101,7 +101,8 @@ class JointLoads:
             return None
         with in_options({"duration: ": "--duration: "}):
             samples = SAMPLES if self.case.samples is None else self.case.samples
-            return read_task(source(self.task)).plan(self.duration, samples)
+            task = read_task(source(self.task)).on(self.case.robot.parameters.geometry)
+            return task.plan(self.duration, samples)
 
     def reactions(self, joints: Choice) -> AnyReactions:
         """Return the reactions of all joints, with a progress bar."""

@@ -96,9 +96,9 @@ def size(
     machine cannot perform the task, or a limit of the machine or of the task is exceeded.
     """
     protect((task_file, parameters, catalogue_file, load_friction, stiffness), (out, figure))
-    task = read_task(source(task_file))
-    catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
     robot = machine_of(parameters)
+    task = read_task(source(task_file)).on(robot.parameters.geometry)
+    catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
     plan = task.plan(duration, samples)
     friction = load_friction_in(load_friction)
     if friction is None and stiffness is not None:
@@ -213,7 +213,8 @@ def balance(
         if wrench_file is not None:
             raise click.UsageError("--wrench belongs to a motion; a task has its loads in its file")
         robot = machine_of(parameters, payload)
-        plan = read_task(source(file)).plan(duration, 1001 if samples is None else samples)
+        task = read_task(source(file)).on(robot.parameters.geometry)
+        plan = task.plan(duration, 1001 if samples is None else samples)
         found: InverseDynamics | TaskForces = forces_of_task(robot, plan, method)
     else:
         robot, found = _moved(Case(parameters, file, samples, payload, wrench_file), duration, method)

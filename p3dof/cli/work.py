@@ -140,6 +140,7 @@ class Work:
         friction = load_friction_in(self.load_friction)
         method: Method = "compiled" if friction is None else "virtual-power"
         count = SAMPLES if samples is None else samples
+        task = task.on(robot.parameters.geometry)
         plan: Plan
         if self.fastest:
             with progress_bar("ways", len(task.paths)) as progress:

@@ -307,7 +307,8 @@ def planned_forces(
         return robot.inverse_dynamics(work, method=method, **friction)  # type: ignore[arg-type]  # by name
     if fastest and duration is not None:
         raise InputError("duration: the fastest motion has its own")
-    plan = fastest_plan(robot, work, samples=samples) if fastest else work.plan(duration, samples)
+    task = work.on(robot.parameters.geometry)
+    plan = fastest_plan(robot, task, samples=samples) if fastest else task.plan(duration, samples)
     return forces_of_task(robot, plan, method, **friction)  # type: ignore[arg-type]  # likewise
 
 

@@ -86,6 +86,7 @@ def fastest_plan(
     """
     task = MotionTask(task) if isinstance(task, Motion) else task
     chosen = chosen_limits(robot, task, limits)
+    task = task.on(robot.parameters.geometry)
     most = isinstance(nodes, int) and not isinstance(nodes, bool) and 10 <= nodes <= MOST_NODES
     if nodes is not None and not most:
         raise InputError(f"nodes: expected a whole number from 10 to {MOST_NODES}, got {shown(nodes)}")
@@ -528,6 +529,7 @@ def best_path(
         As `fastest_plan`; also if no waypoint says what may be changed.
     """
     chosen = chosen_limits(robot, task, limits)
+    task = task.on(robot.parameters.geometry)
     free = [k for k, (a, b) in enumerate(task.stretches) if _freedoms(task, a, b)]
     if not free:
         raise TaskError(
@@ -544,7 +546,7 @@ def best_path(
         points[first : last + 1] = search.best(_counted(progress, done * most, total))
     if progress is not None:
         progress(total, total)
-    found = replace(task, waypoints=tuple(points))
+    found = replace(task, waypoints=tuple(points)).on(robot.parameters.geometry)
     plan = fastest_plan(robot, found, limits, nodes=nodes, samples=samples)
     if plan.duration >= given.duration:
         found, plan = task, given
@@ -648,13 +650,7 @@ class _PathSearch:
         task, first, last = self._task, self._first, self._last
         try:
             points = self._points(place)
-            path = Path(
-                points,
-                task.names[first : last + 1],
-                task.turning_length,
-                task.path == "spline",
-                task.smoothness,
-            )
+            path = task.path_through(points, (first, last))
             way = way_of(self._robot, task, path, (first, last), self._limits)
             return fastest_along(path, way, self._limits, self._steps, starts=1).duration
         except (TaskError, SampleError):

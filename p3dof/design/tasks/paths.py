@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, shown
 from p3dof._base.errors import TaskError
 from p3dof._base.time_series import smoothing
+from p3dof.closed_form import kinematics
 from p3dof.design.tasks.laws import eased, quintic
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Body
+from p3dof.machine.parameters import SLIDES, Body, Geometry
 from p3dof.machine.parameters.machine import body_of
 
 
@@ -322,6 +323,71 @@ class Path:
         return (self._ways[piece] + half * (speeds @ _WEIGHTS)) / total, speed / total, bend / total
 
 
+class JointPath(Path):
+    """The way from one stop to the next on which the sliders go on straight lines with blends.
+
+    The parameter is the length in the space of the sliders' ways [m], with blends as of `Path`. The pose
+    follows by forward kinematics, in the working mode: λ' = J x', λ'' = J x'' + J' x'.
+
+    Parameters
+    ----------
+    waypoints, names, smoothness :
+        As of `Path`; blends are lengths in the space of the sliders [m].
+    geometry : Geometry
+        Lengths of the mechanism.
+
+    Raises
+    ------
+    TaskError
+        As of `Path`; also if a waypoint has no θ.
+    ReachError, SingularityError
+        If the machine cannot reach a waypoint, or the way.
+    """
+
+    def __init__(
+        self, waypoints: Sequence[Waypoint], names: Sequence[str], geometry: Geometry, smoothness: int = 2
+    ) -> None:
+        for point, name in zip(waypoints, names, strict=True):
+            if len(point.pose) != 3:
+                raise TaskError(f"{name}: pose: expected y, z, θ on a path of 'joint', got y, z")
+        poses = np.array([point.pose for point in waypoints])
+        ways = kinematics.inverse_kinematics(geometry, poses).sliders
+        moved = [replace(point, pose=way, tolerance=None) for point, way in zip(waypoints, ways, strict=True)]
+        super().__init__(moved, names, 1.0, smoothness=smoothness)
+        self._geometry = geometry
+
+    def at(self, parameter: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return poses and their first two derivatives by the parameter, (N, 3) each."""
+        return self._posed(*super().at(parameter))
+
+    def third(self, parameter: FloatArray) -> FloatArray:
+        """Return the third derivative of the pose by the parameter, (N, 3); after a jump where it jumps.
+
+        By differences of the second one along a cubic of the sliders.
+        """
+        way, slope, bend = super().at(parameter)
+        third, step = super().third(parameter), _STEP * self.end
+
+        def second(s: float) -> FloatArray:
+            place = way + s * (slope + s * (bend / 2 + s * third / 6))
+            return self._posed(place, slope + s * (bend + s * third / 2), bend + s * third)[2]
+
+        near, far = (second(k * step) - second(-k * step) for k in (1, 2))
+        return (8 * near - far) / (12 * step)
+
+    def _posed(
+        self, way: FloatArray, slope: FloatArray, bend: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return poses and two derivatives of ways of the sliders with theirs, (N, 3) each."""
+        pose = kinematics.forward_kinematics(self._geometry, way)
+        inverse = np.linalg.inv(kinematics.inverse_jacobian(self._geometry, pose))
+        first = np.einsum("nij,nj->ni", inverse, slope)
+        bare = kinematics.mechanism_motion(self._geometry, pose, first, np.zeros_like(pose))
+        turned = np.column_stack([bare.acceleration[name] for name in SLIDES])
+        return pose, first, np.einsum("nij,nj->ni", inverse, bend - turned)
+
+
+_STEP = 1e-3  # share of the way over which differences are taken
 _FINE = 0.2  # share of the mean step of samples under which one is left out: there rounding bends a spline
 _GAP, _BESIDE = 5.0, 3  # a step so many times longer than all of so many on either side is a gap
 _ALONG = math.cos(math.radians(15))  # so well the spline must go where the velocity of a sample does

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from p3dof._base.errors import TaskError
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.tasks.laws import PROFILES, ProfileLaw
 from p3dof.design.tasks.limits import AxisLimits
-from p3dof.design.tasks.paths import Path, SampledPath, Waypoint, stops_of
+from p3dof.design.tasks.paths import JointPath, Path, SampledPath, Waypoint, stops_of
 from p3dof.design.tasks.plan import Plan, Stretch, planned
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Body
+from p3dof.machine.parameters import Body, Geometry
 from p3dof.machine.parameters.machine import body_of
 
-PATHS = ("straight", "spline")
-"""How the platform goes between stops: on lines with blends, or on a spline."""
+PATHS = ("straight", "spline", "joint")
+"""How the platform goes between stops: on lines with blends, on a spline, or with its sliders on lines."""
 _GRID = 401
 _MOST = 1000
 _SAME = 1e-12
@@ -39,9 +39,10 @@ class Task(Readable):
         Where it has to go: at least two, the first and the last of them stops.
     name : str
         What the task is called.
-    path : {"straight", "spline"}
+    path : {"straight", "spline", "joint"}
         Lines with blends at the waypoints that are passed, or a spline of degree 5 from stop to stop, which
-        needs blends only to say that it does not stop.
+        needs blends only to say that it does not stop. With ``"joint"`` the sliders go on lines with blends,
+        each a share of its way at a time: that takes a machine, see `on`.
     profile : {"quintic", "septic", "s-curve"}
         How the way is covered in time: acceleration zero at both ends, jerk zero too, or seven equal parts of
         constant jerk.
@@ -70,6 +71,7 @@ class Task(Readable):
     turning_length: float = 0.1
     carrying: Body | None = None
     limits: Mapping[str, Any] = field(default_factory=dict)
+    _geometry: ClassVar[Geometry | None] = None
 
     def __init__(
         self,
@@ -128,16 +130,40 @@ class Task(Readable):
     @cached_property
     def paths(self) -> tuple[Path, ...]:
         """The ways from stop to stop."""
-        return tuple(
-            Path(
-                self.waypoints[a : b + 1],
-                self.names[a : b + 1],
-                self.turning_length,
-                self.path == "spline",
-                self.smoothness,
-            )
-            for a, b in self.stretches
-        )
+        return tuple(self.path_through(self.waypoints[a : b + 1], (a, b)) for a, b in self.stretches)
+
+    def path_through(self, waypoints: Sequence[Waypoint], stops: tuple[int, int]) -> Path:
+        """Return a way between two stops of this task, by index, through waypoints in place of its own."""
+        names = self.names[stops[0] : stops[1] + 1]
+        if self.path != "joint":
+            return Path(waypoints, names, self.turning_length, self.path == "spline", self.smoothness)
+        if self._geometry is None:
+            raise TaskError("path: joint: expected a machine, by task.on(robot.parameters.geometry)")
+        return JointPath(waypoints, names, self._geometry, self.smoothness)
+
+    def on(self, geometry: Geometry) -> Task:
+        """Return the task on a machine, which a path of ``"joint"`` needs; others stay as they are.
+
+        Parameters
+        ----------
+        geometry : Geometry
+            Lengths of the machine, `robot.parameters.geometry`.
+
+        Raises
+        ------
+        TaskError
+            If a path is not possible.
+        ReachError
+            If the machine cannot reach a waypoint.
+        """
+        if not isinstance(geometry, Geometry):
+            raise TaskError(f"geometry: expected a Geometry, got {shown(geometry)}")
+        if self.path != "joint":
+            return self
+        bound = replace(self)
+        object.__setattr__(bound, "_geometry", geometry)
+        bound._check()
+        return bound
 
     @cached_property
     def stretches(self) -> tuple[tuple[int, int], ...]:
@@ -229,7 +255,8 @@ class Task(Readable):
             if point.pick_up is not None and carried:
                 raise TaskError(f"{name}: pick_up: the platform carries something already; put it down first")
             carried = carried or point.pick_up is not None
-        _ = self.paths  # says at once that one is not possible
+        if self.path != "joint" or self._geometry is not None:
+            _ = self.paths  # says at once that one is not possible
 
 
 class MotionTask(Task):
