@@ -8,18 +8,21 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import InputError, MissingExtraError
 from p3dof._base.files import suffix_of, write_atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
+
+Place: TypeAlias = "Axes | SubFigure | None"
+"""Where to draw in a figure of the caller's; None for a new one."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 """Colours of the legs A, B, C: distinct for colour-blind readers and in grey print."""
@@ -114,14 +117,31 @@ def _lighter(svg: str) -> str:
     return re.sub(r"\n +", "\n", svg)
 
 
-def new_figure(figsize: tuple[float, float]) -> Figure:
-    """Return an empty figure of a size in inches."""
+def new_figure(figsize: tuple[float, float], ax: Place = None) -> Figure:
+    """Return an empty figure of a size in inches; with `ax`, a part of its figure in place of it."""
     require_figures()
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, FigureBase
 
     from p3dof.report.plots.layout import Panels
 
-    return Figure(figsize=figsize, layout=Panels())
+    if ax is None:
+        return Figure(figsize=figsize, layout=Panels())
+    if isinstance(ax, FigureBase):
+        return cast("Figure", ax)
+    place = ax.get_subplotspec() if isinstance(ax, Axes) else None
+    if place is None:
+        raise InputError(f"ax: expected Axes of plt.subplots, or a SubFigure, got {shown(ax)}")
+    figure = ax.figure
+    ax.remove()
+    return cast("Figure", figure.add_subfigure(place))
+
+
+def above(figure: Figure) -> str:
+    """Return where a legend stands above the panels: in a figure of the caller's, its layout makes room."""
+    from matplotlib.figure import Figure as Whole
+
+    return "upper center" if isinstance(figure, Whole) else "outside upper center"
 
 
 def require_figures() -> None:

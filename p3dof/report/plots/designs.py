@@ -17,7 +17,7 @@ from p3dof.analysis.tolerances import ForceTolerance, LocalSensitivity, PoseTole
 from p3dof.design.design_comparison import DesignComparison
 from p3dof.design.optimisation import Front, Optimum
 from p3dof.machine.parameters import LEGS
-from p3dof.report.plots.common import COLOURS, new_figure, tidy
+from p3dof.report.plots.common import COLOURS, Place, above, new_figure, tidy
 from p3dof.runs.many import ManyRuns
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _SHOWN = 1000  # designs whose single forces are drawn
 _MOST = 5_000  # designs that are drawn of more: each is a point
 
 
-def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Figure:
+def designs_figure(designs: Designs, found: DesignForces, x: str, y: str, *, ax: Place = None) -> Figure:
     """Draw the largest force of each design over two of its columns, and the forces in their order.
 
     Crosses are designs that cannot perform the motion. Of more than 5,000 designs, some are drawn.
@@ -43,6 +43,8 @@ def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Fig
         What they need.
     x, y : str
         Two of the columns; a unit in brackets is that of the axis.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def designs_figure(designs: Designs, found: DesignForces, x: str, y: str) -> Fig
             raise InputError(f"x, y: expected columns of the designs, got {shown(header)}")
         label = header if "[" in header else f"{header} [{QUANTITIES[column.name].unit}]"
         places.append((label, designs.columns[column.name] * column.divide / column.multiply))
-    figure = new_figure(figsize=(9.6, 4.2))
+    figure = new_figure(figsize=(9.6, 4.2), ax=ax)
     left, scale, right = figure.subplots(1, 3, width_ratios=(1.4, 0.05, 1.2))
     chosen = np.unique(np.linspace(0, len(designs) - 1, min(_MOST, len(designs))).astype(int))
     worst = found.peak_force.max(axis=1)
@@ -85,10 +87,13 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _LINES = ("-", "--", "-.", ":")
 
 
-def comparison_figure(found: DesignComparison) -> Figure:
-    """Draw the forces and speeds of A, B and C of all designs over time, those of one axis in one panel."""
+def comparison_figure(found: DesignComparison, *, ax: Place = None) -> Figure:
+    """Draw the forces and speeds of A, B and C of all designs over time, those of one axis in one panel.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     require("found", found, DesignComparison)
-    figure = new_figure(figsize=(10.2, 7.4))
+    figure = new_figure(figsize=(10.2, 7.4), ax=ax)
     panels = figure.subplots(3, 2, sharex=True)
     for k, one in enumerate(found.assessments):
         style = {"color": _COLOURS[k % len(_COLOURS)], "ls": _LINES[k % len(_LINES)], "lw": 1.3}
@@ -106,20 +111,22 @@ def comparison_figure(found: DesignComparison) -> Figure:
     for axis in panels[-1]:
         axis.set_xlabel("time [s]")
     handles, labels = panels[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=min(len(labels), 4), frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc=above(figure), ncols=min(len(labels), 4), frameon=False, fontsize=9)
     return figure
 
 
 _AXES = ("y [mm]", "z [mm]", "θ [mrad]")
 
 
-def many_runs_figure(runs: ManyRuns) -> Figure:
+def many_runs_figure(runs: ManyRuns, *, ax: Place = None) -> Figure:
     """Draw how the largest errors and forces of the finished runs are distributed, with their 95 % quantiles.
 
     Parameters
     ----------
     runs : ManyRuns
         The runs.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -129,7 +136,7 @@ def many_runs_figure(runs: ManyRuns) -> Figure:
     good = runs.finished
     if not good.any():
         raise InputError("runs: expected one that was finished, there is none")
-    figure = new_figure(figsize=(10.5, 5.4))
+    figure = new_figure(figsize=(10.5, 5.4), ax=ax)
     axes = figure.subplots(2, 3)
     for k, name in enumerate(_AXES):
         _histogram(axes[0, k], 1e3 * runs.peak_error[good, k], f"largest error of {name}")
@@ -168,13 +175,15 @@ def require_panels(reductions: Iterable[Reduction]) -> list[Histogram | ParetoAr
     return found
 
 
-def sweep_figure(sweep: Sweep) -> Figure:
+def sweep_figure(sweep: Sweep, *, ax: Place = None) -> Figure:
     """Draw histograms, and Pareto fronts of two or more columns over the first two of them.
 
     Parameters
     ----------
     sweep : Sweep
         Complete or not; of the first twelve such reductions each has a panel.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -186,7 +195,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     panels = [(reduction, sweep.reductions[reduction.name]) for reduction in chosen]
     across = min(2, len(panels))
     rows = math.ceil(len(panels) / across)
-    figure = new_figure(figsize=(4.8 * across, 3.4 * rows))
+    figure = new_figure(figsize=(4.8 * across, 3.4 * rows), ax=ax)
     axes = figure.subplots(rows, across, squeeze=False).ravel()
     for axis, (reduction, found) in zip(axes, panels, strict=False):
         if isinstance(reduction, ParetoArchive):
@@ -225,11 +234,14 @@ def _draw_front(axis: Axes, reduction: ParetoArchive, found: Rows, named: Callab
 _START: dict[str, Any] = {"marker": "D", "ms": 6, "ls": "none", "color": "0.15", "label": "start"}
 
 
-def optimum_figure(optimum: Optimum) -> Figure:
-    """Draw how the objective depends on each variable at an optimum and at the start, and all margins."""
+def optimum_figure(optimum: Optimum, *, ax: Place = None) -> Figure:
+    """Draw how the objective depends on each variable at an optimum and at the start, and all margins.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     require("optimum", optimum, Optimum)
     rows = max(len(optimum.design), len(optimum.problem.constraints))
-    figure = new_figure(figsize=(9.6, 1.6 + 0.34 * rows))
+    figure = new_figure(figsize=(9.6, 1.6 + 0.34 * rows), ax=ax)
     left, right = figure.subplots(1, 2)
     _draw_sensitivity(left, optimum)
     _draw_margins(right, optimum)
@@ -280,7 +292,7 @@ def _tidy_bars(axis: Axes) -> None:
     axis.tick_params(axis="y", length=0)
 
 
-def front_figure(front: Front) -> Figure:
+def front_figure(front: Front, *, ax: Place = None) -> Figure:
     """Draw a Pareto front with the start, and all variables and objectives in parallel coordinates.
 
     Parameters
@@ -288,6 +300,8 @@ def front_figure(front: Front) -> Figure:
     front : Front
         Of `DesignProblem.pareto`; of three objectives or more, the first two have the upper panel, the third
         its colours.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -295,7 +309,7 @@ def front_figure(front: Front) -> Figure:
         If `front` is something else; if matplotlib is not installed.
     """
     require("front", front, Front)
-    figure = new_figure(figsize=(8.4, 7.2))
+    figure = new_figure(figsize=(8.4, 7.2), ax=ax)
     upper, lower = figure.subplots(2, 1)
     _draw_pareto_front(figure, upper, front)
     _draw_parallel(lower, front)
@@ -384,13 +398,15 @@ MOST_BARS = 15  # most bars of a panel: the longest ones
 _POSE_AXES = (("y", 1e6, "µm"), ("z", 1e6, "µm"), ("θ", 1e3, "mrad"))
 
 
-def tolerance_figure(tolerance: ForceTolerance | PoseTolerance) -> Figure:
+def tolerance_figure(tolerance: ForceTolerance | PoseTolerance, *, ax: Place = None) -> Figure:
     """Draw how uncertain forces or a pose are, and which parameters it comes from.
 
     Parameters
     ----------
     tolerance : ForceTolerance or PoseTolerance
         What `p3dof.tolerance` returns; of several poses the first is drawn.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -398,19 +414,21 @@ def tolerance_figure(tolerance: ForceTolerance | PoseTolerance) -> Figure:
         If it is something else; if matplotlib is not installed.
     """
     if isinstance(tolerance, ForceTolerance):
-        return _of_forces(tolerance)
+        return _of_forces(tolerance, ax)
     if isinstance(tolerance, PoseTolerance):
-        return _of_pose(tolerance)
+        return _of_pose(tolerance, ax)
     raise InputError(f"tolerance: expected a ForceTolerance or PoseTolerance, got {shown(tolerance)}")
 
 
-def sensitivity_figure(sensitivity: SobolIndices | LocalSensitivity) -> Figure:
+def sensitivity_figure(sensitivity: SobolIndices | LocalSensitivity, *, ax: Place = None) -> Figure:
     """Draw which parameters a figure of the forces depends on, and by Sobol' indices its spread.
 
     Parameters
     ----------
     sensitivity : SobolIndices or LocalSensitivity
         What `p3dof.sensitivity` returns.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -418,14 +436,14 @@ def sensitivity_figure(sensitivity: SobolIndices | LocalSensitivity) -> Figure:
         As `tolerance_figure`.
     """
     if isinstance(sensitivity, SobolIndices):
-        return _of_indices(sensitivity)
+        return _of_indices(sensitivity, ax)
     if isinstance(sensitivity, LocalSensitivity):
-        return _of_derivatives(sensitivity)
+        return _of_derivatives(sensitivity, ax)
     raise InputError(f"sensitivity: expected SobolIndices or LocalSensitivity, got {shown(sensitivity)}")
 
 
-def _of_forces(found: ForceTolerance) -> Figure:
-    figure = new_figure((10.0, 6.6))
+def _of_forces(found: ForceTolerance, ax: Place) -> Figure:
+    figure = new_figure((10.0, 6.6), ax=ax)
     (forces, shares), (sizes, spread) = figure.subplots(2, 2, width_ratios=(3, 2))
     for k, leg in enumerate("ABC"):
         forces.plot(found.time, found.forces[:, k], color=COLOURS[k], lw=1.2, label=leg)
@@ -466,8 +484,8 @@ def _peaks(axis: Axes, found: ForceTolerance) -> None:
     _without_heights(axis)
 
 
-def _of_pose(found: PoseTolerance) -> Figure:
-    figure = new_figure((10.0, 6.2))
+def _of_pose(found: PoseTolerance, ax: Place) -> Figure:
+    figure = new_figure((10.0, 6.2), ax=ax)
     axes = figure.subplots(2, 3)
     first = (0,) * (found.pose.ndim - 1)
     for k, (name, scale, unit) in enumerate(_POSE_AXES):
@@ -498,8 +516,8 @@ def _errors(axis: Axes, size: float, high: float, errors: FloatArray | None, uni
     _without_heights(axis, legend=False)
 
 
-def _of_indices(found: SobolIndices) -> Figure:
-    figure = new_figure((9.6, 0.35 * min(len(found.names), MOST_BARS) + 3.0))
+def _of_indices(found: SobolIndices, ax: Place) -> Figure:
+    figure = new_figure((9.6, 0.35 * min(len(found.names), MOST_BARS) + 3.0), ax=ax)
     bars, spread = figure.subplots(1, 2, width_ratios=(3, 2))
     order = np.argsort(found.total)[-MOST_BARS:]
     places = np.arange(len(order))
@@ -529,8 +547,8 @@ def _of_indices(found: SobolIndices) -> Figure:
     return figure
 
 
-def _of_derivatives(found: LocalSensitivity) -> Figure:
-    figure = new_figure((7.6, 0.3 * min(len(found.names), MOST_BARS) + 1.6))
+def _of_derivatives(found: LocalSensitivity, ax: Place) -> Figure:
+    figure = new_figure((7.6, 0.3 * min(len(found.names), MOST_BARS) + 1.6), ax=ax)
     axis = figure.subplots()
     order = np.argsort(np.abs(found.normalised))[-MOST_BARS:]
     places, sizes = np.arange(len(order)), found.normalised[order]

@@ -13,7 +13,18 @@ from p3dof.analysis.energy import Energy
 from p3dof.analysis.reactions import JOINTS, AnyReactions
 from p3dof.machine.parameters import LEGS
 from p3dof.methods import InverseDynamics
-from p3dof.report.plots.common import COLOURS, GAP, GAP_STYLE, few_ticks, line, new_figure, shade_gaps, tidy
+from p3dof.report.plots.common import (
+    COLOURS,
+    GAP,
+    GAP_STYLE,
+    Place,
+    above,
+    few_ticks,
+    line,
+    new_figure,
+    shade_gaps,
+    tidy,
+)
 from p3dof.runs import Simulation
 
 if TYPE_CHECKING:
@@ -29,7 +40,7 @@ _NAMES = {
 }
 
 
-def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
+def forces_figure(results: Sequence[InverseDynamics], *, ax: Place = None) -> Figure:
     """Draw the three actuator forces over the motion (the paper's Figs. 3-5), and two results' difference.
 
     Parameters
@@ -37,6 +48,8 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     results : sequence of InverseDynamics
         One result, or two of the same motion by different methods or with different friction; invalid samples
         are hatched gaps.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -48,7 +61,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     if len(results) == 2 and not np.array_equal(results[0].time, results[1].time):
         raise InputError("results: expected two results of the same motion, got different times")
     rows = len(results)
-    figure = new_figure(figsize=(10.5, 3.1 if rows == 1 else 4.8))
+    figure = new_figure(figsize=(10.5, 3.1 if rows == 1 else 4.8), ax=ax)
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -72,7 +85,7 @@ def forces_figure(results: Sequence[InverseDynamics]) -> Figure:
     if not valid.all():
         handles.append(Patch(**GAP_STYLE))
         labels.append(GAP)
-    figure.legend(handles, labels, loc="upper center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc=above(figure), ncols=3, frameon=False, fontsize=9)
     for axis in axes.ravel():
         shade_gaps(axis, results[0].time, valid)
         tidy(axis)
@@ -110,13 +123,15 @@ _COLUMNS: tuple[tuple[str, str, dict[str, dict[str, Any]]], ...] = (
 _ROWS = (("position", "q", ""), ("velocity", "v", "/s"), ("acceleration", "a", "/s²"))
 
 
-def joints_figure(result: InverseDynamics) -> Figure:
+def joints_figure(result: InverseDynamics, *, ax: Place = None) -> Figure:
     """Draw position, velocity and acceleration of the sliders and of the passive joints over the motion.
 
     Parameters
     ----------
     result : InverseDynamics
         The joints by either method; invalid samples are hatched gaps.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Returns
     -------
@@ -133,7 +148,7 @@ def joints_figure(result: InverseDynamics) -> Figure:
         raise InputError(f"result: expected InverseDynamics, got {shown(result)}")
     if not result.valid.any():
         raise InputError("result: expected at least one valid sample, got none")
-    figure = new_figure(figsize=(12.0, 7.2))
+    figure = new_figure(figsize=(12.0, 7.2), ax=ax)
     axes = figure.subplots(len(_ROWS), len(_COLUMNS), sharex=True)
     for column, (title, unit, lines) in zip(axes.T, _COLUMNS, strict=True):
         for axis, (quantity, field, rate) in zip(column, _ROWS, strict=True):
@@ -177,7 +192,7 @@ _BLACK, _GREY = "0.1", "0.6"
 _DASHES, _DOTTED = (0, (4, 2)), (0, (1, 1.2))
 
 
-def energy_figure(energy: Energy) -> Figure:
+def energy_figure(energy: Energy, *, ax: Place = None) -> Figure:
     """Draw the change of the energy with the work done, the kinetic energy by bodies, and the power.
 
     Stretches of invalid samples are hatched; the work restarts behind them, from the energy there. Bodies
@@ -187,6 +202,8 @@ def energy_figure(energy: Energy) -> Figure:
     ----------
     energy : Energy
         What `p3dof.analysis.energy.energy_of` found.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -196,7 +213,7 @@ def energy_figure(energy: Energy) -> Figure:
     require("energy", energy, Energy)
     if not energy.valid.any():
         raise InputError("energy: expected at least one valid sample, got none")
-    figure = new_figure(figsize=(9.6, 8.4))
+    figure = new_figure(figsize=(9.6, 8.4), ax=ax)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1, 1.1))
     for axis, draw in zip(panels, (_draw_balance, _draw_bodies, _draw_power), strict=True):
         draw(axis, energy)
@@ -311,9 +328,12 @@ _WAY_STYLES: Mapping[str, Mapping[str, Any]] = {
 _NOTHING = 1e-9  # moments that are rounding, of a joint that bears none [N m]
 
 
-def reactions_figure(result: AnyReactions) -> Figure:
-    """Draw the resultant force and moment in every joint over the motion."""
-    figure = new_figure(figsize=(10.5, 8.0))
+def reactions_figure(result: AnyReactions, *, ax: Place = None) -> Figure:
+    """Draw the resultant force and moment in every joint over the motion.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
+    figure = new_figure(figsize=(10.5, 8.0), ax=ax)
     axes = figure.subplots(len(_WAY_ROWS), 4, sharex=True)
     for row, names in zip(axes, _WAY_ROWS, strict=True):
         for axis in row[len(names) :]:
@@ -380,12 +400,15 @@ _POSE = ("y [mm]", "z [mm]", "θ [mrad]")
 _DEPTH = 1e-3  # how far a logarithmic axis of errors goes below the least of the peaks
 
 
-def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
-    """Draw poses, tracking errors and forces of runs that follow the same motion."""
+def tracking_figure(runs: Mapping[str, Simulation], *, ax: Place = None) -> Figure:
+    """Draw poses, tracking errors and forces of runs that follow the same motion.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     if not 1 <= len(runs) <= len(_RUN_COLOURS):
         raise InputError(f"runs: expected one to {len(_RUN_COLOURS)}, got {len(runs)}")
     errors = {name: 1e3 * np.abs(run.error) for name, run in runs.items()}
-    figure = new_figure(figsize=(10.5, 7.2))
+    figure = new_figure(figsize=(10.5, 7.2), ax=ax)
     axes = figure.subplots(3, 3, sharex=True, height_ratios=(1, 1.2, 1))
     longest = max(runs.values(), key=lambda run: float(run.time[-1]))
     assert longest.reference is not None  # noqa: S101 - or there would be no error
@@ -408,5 +431,5 @@ def tracking_figure(runs: Mapping[str, Simulation]) -> Figure:
     for axis in axes.ravel():
         tidy(axis)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=len(labels), frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc=above(figure), ncols=len(labels), frameon=False, fontsize=9)
     return figure

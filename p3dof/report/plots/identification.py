@@ -9,7 +9,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, require, shown
 from p3dof._base.errors import InputError
 from p3dof.loops.identification.validation import Identification, Validation
-from p3dof.report.plots.common import COLOURS, new_figure, tidy
+from p3dof.report.plots.common import COLOURS, Place, new_figure, tidy
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ class _Shown:
         self.some = np.unique(np.linspace(0, len(self.data) - 1, min(len(self.data), _MOST)).astype(int))
 
 
-def residuals_figure(found: Identification | Validation) -> Figure:
+def residuals_figure(found: Identification | Validation, *, ax: Place = None) -> Figure:
     """Draw residuals over time, position and velocity, a row for each actuator.
 
     Of the identified robot in colour, of the design in grey. A slope or a step over the velocity is friction
@@ -51,6 +51,8 @@ def residuals_figure(found: Identification | Validation) -> Figure:
     ----------
     found : Identification or Validation
         What was found; residuals of held-out data where there are any.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Returns
     -------
@@ -64,7 +66,7 @@ def residuals_figure(found: Identification | Validation) -> Figure:
     """
     shown = _Shown(found)
     m, states, some = len(shown.forces.actuators), shown.data.states, shown.some
-    figure = new_figure(figsize=(11.0, 2.3 * m + 0.6))
+    figure = new_figure(figsize=(11.0, 2.3 * m + 0.6), ax=ax)
     axes = figure.subplots(m, 3, squeeze=False, sharey="row")
     size = 2.0 if len(some) > 600 else 4.0
     for i, (row, name) in enumerate(zip(axes, shown.forces.actuators, strict=True)):
@@ -85,13 +87,15 @@ def residuals_figure(found: Identification | Validation) -> Figure:
     return figure
 
 
-def predicted_figure(found: Identification | Validation) -> Figure:
+def predicted_figure(found: Identification | Validation, *, ax: Place = None) -> Figure:
     """Draw measured forces over time, and those that design and identified robot predict.
 
     Parameters
     ----------
     found : Identification or Validation
         What was found; held-out data where there are any.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Returns
     -------
@@ -105,7 +109,7 @@ def predicted_figure(found: Identification | Validation) -> Figure:
     """
     shown = _Shown(found)
     m, time, measured = len(shown.forces.actuators), shown.data.time, shown.data.forces
-    figure = new_figure(figsize=(11.0, 1.9 * m + 0.6))
+    figure = new_figure(figsize=(11.0, 1.9 * m + 0.6), ax=ax)
     axes = figure.subplots(m, 1, squeeze=False, sharex=True)[:, 0]
     for i, (axis, name) in enumerate(zip(axes, shown.forces.actuators, strict=True)):
         axis.plot(time, measured[:, i], color="0.1", lw=2.2, label="measured")
@@ -123,7 +127,10 @@ _BEFORE, _AFTER = "0.6", COLOURS[0]
 
 
 def calibration_figure(
-    calibration: Calibration | MachineCalibration, held_out: tuple[FloatArray, FloatArray] | None = None
+    calibration: Calibration | MachineCalibration,
+    held_out: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    ax: Place = None,
 ) -> Figure:
     """Draw errors of measured poses before and after, and the parameters' standard deviations.
 
@@ -134,6 +141,8 @@ def calibration_figure(
         kinds of measurements the first is drawn.
     held_out : tuple of two (K, c) arrays, optional
         Errors before and after of poses that were measured and not used.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -152,7 +161,7 @@ def calibration_figure(
             raise InputError(f"calibration: expected a Calibration, got {shown(calibration)}")
         names, before, after = ("y", "z", "θ"), calibration.before, calibration.after
     bars = 0.6 + 0.16 * min(len(calibration.names), MOST_BARS)  # height of their panel [inches]
-    figure = new_figure((9.0, 1.5 * len(names) + 1.0 + bars))
+    figure = new_figure((9.0, 1.5 * len(names) + 1.0 + bars), ax=ax)
     *panels, last = figure.subplots(len(names) + 1, 1, height_ratios=(*[1.2] * len(names), bars))
     for k, (name, panel) in enumerate(zip(names, panels, strict=True)):
         factor, unit = (1e3, "mrad") if name in ("θ", "rx", "ry", "rz") else (1e3, "mm")
@@ -204,7 +213,7 @@ _SAMPLES = 401
 _KINDS = {"m": "[m]", "rad": "[rad]", "N": "[N]", "N m": "[N m]"}
 
 
-def excitation_figure(found: Excitation, forces: IdentifiableForces) -> Figure:
+def excitation_figure(found: Excitation, forces: IdentifiableForces, *, ax: Place = None) -> Figure:
     """Draw one period of an excitation motion.
 
     Coordinates, velocities, forces of the design, and the utilisation of each kind of limit.
@@ -215,6 +224,8 @@ def excitation_figure(found: Excitation, forces: IdentifiableForces) -> Figure:
         The motion.
     forces : LoopForces or MachineForces
         Its robot.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
     """
     time: FloatArray = np.linspace(0.0, found.period, _SAMPLES, dtype=np.float64)
     motion = found.steady(time)
@@ -222,7 +233,7 @@ def excitation_figure(found: Excitation, forces: IdentifiableForces) -> Figure:
     rows = forces.rows(states)
     tau = rows.columns @ forces.design + rows.known
     used = 1 + forces.excess(states, rows)
-    figure = new_figure((9.0, 6.0))
+    figure = new_figure((9.0, 6.0), ax=ax)
     (place, speed), (force, limit) = figure.subplots(2, 2, sharex=True)
     units = _unit(found.coordinate_units)
     _lines(place, time, motion[0], found.coordinates, f"position {units}")

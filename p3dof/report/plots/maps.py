@@ -14,7 +14,7 @@ from p3dof.analysis.indices import COLUMNS, check_names, columns_of
 from p3dof.analysis.workspace import Workspace, aspect_range
 from p3dof.machine.motion import Motion
 from p3dof.machine.motion.core import require_motion
-from p3dof.report.plots.common import few_ticks, new_figure
+from p3dof.report.plots.common import Place, above, few_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +36,7 @@ def map_figure(
     motion: Motion | None = None,
     box: bool = False,
     count: int = 161,
+    ax: Place = None,
     **options: Any,
 ) -> Figure:
     """Draw indices over the (y, θ) of a workspace, with the loci of singularities near by.
@@ -54,6 +55,8 @@ def map_figure(
         Points of the map in each direction.
     **options
         As of `Manipulator.indices`.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def map_figure(
         raise InputError(f"indices: expected at most {_MOST} numbers, got {len(names)}: {', '.join(names)}")
     across = min(len(names), 3 if len(names) > 4 else 2)
     rows = math.ceil(len(names) / across)
-    figure = new_figure(figsize=(4.6 * across, 3.7 * rows + 0.3))
+    figure = new_figure(figsize=(4.6 * across, 3.7 * rows + 0.3), ax=ax)
     panels = _panels(figure, rows, across, len(names))
     found = workspace.map(*names, count=count, **options)
     largest = workspace.largest_box() if box else None
@@ -93,9 +96,13 @@ def slices_figure(
     z: Sequence[float] | None = None,
     motion: Motion | None = None,
     count: int = 161,
+    ax: Place = None,
     **options: Any,
 ) -> Figure:
-    """Draw an index over slices of a workspace: (y, z) at orientations, or (y, θ) at heights."""
+    """Draw an index over slices of a workspace: (y, z) at orientations, or (y, θ) at heights.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     _require(workspace, motion)
     (name,) = check_names(index)[:1]
     tilt = workspace.limits.tilt
@@ -107,7 +114,7 @@ def slices_figure(
     panels = [_slice(workspace, kind, value, name, count, options) for kind, value in slices]
     across = min(len(panels), 3)
     rows = math.ceil(len(panels) / across)
-    figure = new_figure(figsize=(4.4 * across, 3.6 * rows))
+    figure = new_figure(figsize=(4.4 * across, 3.6 * rows), ax=ax)
     axes = _panels(figure, rows, across, len(panels))
     ends = _ends(np.concatenate([values.ravel() for *_, values in panels]))
     heights = [
@@ -128,10 +135,13 @@ def slices_figure(
     return figure
 
 
-def loci_figure(workspace: Workspace, motion: Motion | None = None) -> Figure:
-    """Draw the loci of both singularities all around, home's aspect and the workspace in it."""
+def loci_figure(workspace: Workspace, motion: Motion | None = None, *, ax: Place = None) -> Figure:
+    """Draw the loci of both singularities all around, home's aspect and the workspace in it.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     _require(workspace, motion)
-    figure = new_figure(figsize=(6.4, 5.0))
+    figure = new_figure(figsize=(6.4, 5.0), ax=ax)
     axis = figure.subplots()
     reach = float(workspace.sizes.reach)
     y, theta = (np.asarray(np.linspace(-end, end, 721), dtype=np.float64) for end in (reach, np.pi))
@@ -266,7 +276,7 @@ def _draw_box(axis: Axes, y: tuple[float, float], theta: tuple[float, float]) ->
 
 def _legend(figure: Figure, axis: Axes) -> None:
     handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc=above(figure), ncols=4, frameon=False, fontsize=9)
 
 
 def _slice(

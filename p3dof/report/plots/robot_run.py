@@ -8,7 +8,7 @@ import numpy as np
 
 from p3dof._base.checks import require
 from p3dof.loops.tables import is_slide
-from p3dof.report.plots.common import new_figure, tidy
+from p3dof.report.plots.common import Place, new_figure, tidy
 from p3dof.runs import RobotRun
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _LEAST = 1e-17  # gaps below are drawn here: a logarithmic axis has no zero [m o
 _UNITS = {False: ("rad", "N m"), True: ("m", "N")}
 
 
-def robot_run_figure(run: RobotRun) -> Figure:
+def robot_run_figure(run: RobotRun, *, ax: Place = None) -> Figure:
     """Draw joints and forces of a run of any robot, its energy, and the gaps of its loops.
 
     Of the actuated joints, or of all hinges and slides of a robot that has none, the first eight of each
@@ -31,6 +31,8 @@ def robot_run_figure(run: RobotRun) -> Figure:
     ----------
     run : RobotRun
         The run.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Returns
     -------
@@ -45,7 +47,7 @@ def robot_run_figure(run: RobotRun) -> Figure:
     """
     require("run", run, RobotRun)
     groups = _groups(run)
-    figure = new_figure(figsize=(11.0, 3.0 * (len(groups) + 1)))
+    figure = new_figure(figsize=(11.0, 3.0 * (len(groups) + 1)), ax=ax)
     axes = figure.subplots(len(groups) + 1, 2, sharex=True)
     for (values, forces), (slides, names) in zip(axes, groups, strict=False):
         _draw_joints(values, forces, run, slides, names)

@@ -17,7 +17,7 @@ from p3dof.design.drives import Cycle, Sizing, SupplyLoads
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
-from p3dof.report.plots.common import COLOURS, new_figure, tidy
+from p3dof.report.plots.common import COLOURS, Place, above, new_figure, tidy
 from p3dof.report.plots.mechanism import FRONT, SIDE, TOP, hull
 
 if TYPE_CHECKING:
@@ -29,18 +29,20 @@ _CARRYING, _MOST_NAMES = "#e8d9a8", 12
 _TICKS = 25  # marks of the platform's rotation along the path
 
 
-def task_figure(found: TaskForces) -> Figure:
+def task_figure(found: TaskForces, *, ax: Place = None) -> Figure:
     """Draw the path of a task with its waypoints, and pose, slider speeds and forces over time.
 
     The fastest plan within a jerk has a panel with that of the sliders. What is shaded is the time in which
     the platform carries something; dotted lines are the waypoints.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
     """
     if not isinstance(found, TaskForces):
         raise InputError(f"found: expected TaskForces, got {shown(found)}")
     plan = found.plan
     jerk = plan.limits.jerk if isinstance(plan, FastestPlan) else np.full(3, np.inf)
     with_jerk = bool(np.isfinite(jerk).any())
-    figure = new_figure(figsize=(9.6, 11.6 if with_jerk else 9.6))
+    figure = new_figure(figsize=(9.6, 11.6 if with_jerk else 9.6), ax=ax)
     above, *panels = figure.subplots(4 + with_jerk, 1, height_ratios=(1.5, *[1] * (3 + with_jerk)))
     _draw_path(above, found)
     _draw_pose(panels[0], found)
@@ -142,18 +144,20 @@ _POINTS = 401
 _CONTINUOUS, _PEAK = "0.80", "0.92"
 
 
-def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
+def drives_figure(sizing: Sizing, cycle: Cycle, *, ax: Place = None) -> Figure:
     """Draw the torque of each motor over its speed, with its continuous and peak torque curves.
 
     The cycle is a closed curve; its root mean square is a dot, which must lie within the darker field. The
     curve must lie within the lighter one. With a supply, the bus voltage over the cycle stands beside them.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
     """
     for name, value, kind in (("sizing", sizing, Sizing), ("cycle", cycle, Cycle)):
         if not isinstance(value, kind):
             raise InputError(f"{name}: expected a {kind.__name__}, got {shown(value)}")
     loads = sizing.supply
     columns = 3 if loads is None else 4
-    figure = new_figure(figsize=(3.5 * columns, 4.2))
+    figure = new_figure(figsize=(3.5 * columns, 4.2), ax=ax)
     axes = [figure.add_subplot(1, columns, 1)]
     axes += [figure.add_subplot(1, columns, k, sharey=axes[0]) for k in (2, 3)]
     for leg, axis in enumerate(axes):
@@ -164,7 +168,7 @@ def drives_figure(sizing: Sizing, cycle: Cycle) -> Figure:
         axis.set_xlabel("motor speed [rpm]")
     axes[0].set_ylabel("motor torque [N m]")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=5, frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc=above(figure), ncols=5, frameon=False, fontsize=9)
     if loads is not None:
         _draw_buses(figure.add_subplot(1, columns, columns), loads)
     return figure
@@ -207,10 +211,13 @@ def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
     axis.axvline(0, color="0.6", lw=0.6)
 
 
-def balance_figure(found: BestBalance) -> Figure:
-    """Draw the actuator forces without and with a counterbalance, and their root mean squares."""
+def balance_figure(found: BestBalance, *, ax: Place = None) -> Figure:
+    """Draw the actuator forces without and with a counterbalance, and their root mean squares.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     require("found", found, BestBalance)
-    figure = new_figure(figsize=(8.4, 7.2))
+    figure = new_figure(figsize=(8.4, 7.2), ax=ax)
     panels = figure.subplots(3, 1, sharex=True)
     for k, (axis, leg) in enumerate(zip(panels, LEGS, strict=True)):
         curves = (
@@ -237,8 +244,11 @@ _BAR = 0.26
 _CLOSE = 0.93  # labels of bars that end so near to a limit of 1 stand behind its line
 
 
-def utilisation_figure(found: Assessment) -> Figure:
-    """Draw how much of each rating the axes use, the largest first."""
+def utilisation_figure(found: Assessment, *, ax: Place = None) -> Figure:
+    """Draw how much of each rating the axes use, the largest first.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     _require(found)
     shares: dict[str, list[float]] = {}
     limits: dict[str, float] = {}
@@ -250,7 +260,7 @@ def utilisation_figure(found: Assessment) -> Figure:
         elif f"{one.name} ({one.kind})" not in shares:
             shares[f"{one.name} ({one.kind})"] = [one.share]
     names = list(shares)[:_MOST]
-    figure = new_figure(figsize=(9.6, 0.9 + 0.32 * len(names)))
+    figure = new_figure(figsize=(9.6, 0.9 + 0.32 * len(names)), ax=ax)
     axis = figure.subplots()
     for row, name in enumerate(names):
         for k, share in enumerate(shares[name]):
@@ -285,10 +295,13 @@ def utilisation_figure(found: Assessment) -> Figure:
     return figure
 
 
-def axis_forces_figure(found: Assessment) -> Figure:
-    """Draw the forces at the nuts and those of the motors over the cycle, axis by axis."""
+def axis_forces_figure(found: Assessment, *, ax: Place = None) -> Figure:
+    """Draw the forces at the nuts and those of the motors over the cycle, axis by axis.
+
+    `ax`: where to draw in a figure of the caller's, as of `forces_figure`.
+    """
     _require(found)
-    figure = new_figure(figsize=(9.6, 6.6))
+    figure = new_figure(figsize=(9.6, 6.6), ax=ax)
     panels = figure.subplots(3, 1, sharex=True)
     time, nut, motor = found.found.time, found.found.forces, found.motor_forces
     for leg, axis in enumerate(panels):
@@ -338,7 +351,7 @@ _SHADES = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _SEEN = {FRONT: ("y0", "z0"), SIDE: ("x0", "z0"), TOP: ("y0", "-x0")}
 
 
-def clearance_figure(found: Clearance) -> Figure:
+def clearance_figure(found: Clearance, *, ax: Place = None) -> Figure:
     """Draw the least distances of the nearest parts over time, and the machine where two are nearest.
 
     Over a workspace the distances are bars. The machine is seen along the axis across which the distance
@@ -348,6 +361,8 @@ def clearance_figure(found: Clearance) -> Figure:
     ----------
     found : Clearance
         Of `p3dof.design.clearance_of` or `clearance_over`.
+    ax : Axes or SubFigure, optional
+        Of a figure of the caller's: what is drawn takes this place, and is returned as a SubFigure.
 
     Raises
     ------
@@ -355,7 +370,7 @@ def clearance_figure(found: Clearance) -> Figure:
         If it is something else; if matplotlib is not installed.
     """
     require("found", found, Clearance)
-    figure = new_figure(figsize=(10.5, 5.2))
+    figure = new_figure(figsize=(10.5, 5.2), ax=ax)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     if math.isnan(found.least.time):
         _draw_bars(left, found)
