@@ -79,7 +79,8 @@ def test_a_legend_stands_above_the_titles(name):
     drawn = DRAWN[name](whole.subplots(2, 1)[1])
     whole.draw_without_rendering()
     (legend,) = drawn.legends
-    assert legend.get_window_extent().y0 >= max(axis.title.get_window_extent().y1 for axis in drawn.axes)
+    words = min(text.get_window_extent().y0 for text in legend.get_texts())
+    assert words >= max(axis.title.get_window_extent().y1 for axis in drawn.axes)
 
 
 def test_a_subfigure_is_drawn_into(tmp_path):
