@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import shutil
 from pathlib import Path
 
@@ -46,6 +47,19 @@ def test_another_name_is_refused(name):
     assert ("did you mean 'gallery/stewart'" in str(error.value)) == (name == "gallery/steward")
 
 
+def test_a_wheel_has_them_in_the_package(tmp_path):
+    package = tmp_path / "p3dof"
+    for kind in ("_base", "models/urdf", "models/gallery"):
+        (package / kind).mkdir(parents=True)
+    (package / "models/gallery/own.urdf").touch()
+    shutil.copy(ROOT / "p3dof/_base/model_files.py", package / "_base")
+    found = runpy.run_path(str(package / "_base/model_files.py"))
+    assert found["PACKAGE_PATH"] == str(package / "models/urdf")
+    assert found["URDF_PATH"] == str(package / "models/urdf/p3dof.urdf")
+    assert found["path"]("gallery/own") == str(package / "models/gallery/own.urdf")
+    assert found["NAMES"][-1] == "gallery/own"
+
+
 @pytest.fixture
 def empty(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -69,7 +83,15 @@ def test_a_file_that_is_there_goes_before(empty):
     assert p3dof.load_robot("gallery/stewart").model.name == "stewart"
     assert p3dof.load_robot(Path("gallery/delta.urdf")).model.name == "delta"
     assert in_gallery("gallery\\delta.urdf") == model_files.path("gallery/delta")  # as Windows writes it
-    assert in_gallery(f"gallery/{'x' * 5000}") is in_gallery("galleries/delta") is in_gallery("delta") is None
+    with pytest.raises(p3dof.ModelError, match="no robot of the gallery"):
+        in_gallery(f"gallery/{'x' * 92}")
+    assert (
+        in_gallery(f"gallery/{'x' * 93}")
+        is in_gallery(f"gallery/{'x' * 5000}")
+        is in_gallery("galleries/delta")
+        is in_gallery("delta")
+        is None
+    )
 
 
 @pytest.mark.usefixtures("empty")
