@@ -1,4 +1,4 @@
-"""Paths of tasks on which the sliders go on straight lines: proportions, derivatives, files, commands, bad input."""
+"""Paths of tasks on which the sliders go on lines: proportions, derivatives, files, commands, bad input."""
 
 import numpy as np
 import pytest
