@@ -11,7 +11,7 @@ import p3dof
 from p3dof._base.errors import InputError
 from p3dof.cli import main
 from p3dof.design import DesignProblem
-from p3dof.design.optimisation import optimum_tables, read_problem
+from p3dof.design.optimisation import Robust, optimum_tables, read_problem
 from p3dof.machine import Body, Geometry
 from p3dof.machine.parameters import SOLIDS, Dimensions, Parameters, of_solids
 
@@ -158,3 +158,19 @@ def test_a_table_says_which_bodies_are_of_solids_and_which_are_kept(tmp_path, ca
     other = read_problem(tmp_path / "problem.yaml")
     assert other.machine([0.4, 0.01]).bodies.platform.mass != 8.2
     assert optimum_tables(other.minimise(starts=1))[-1].note == ""
+
+
+def test_the_mass_of_a_body_that_is_kept_may_spread():
+    """Worst of two corners: forces of machines whose platform is 5 % lighter or heavier, inertia with it."""
+    worst = Robust("peak_force", {"platform.mass": "5 %"}, k=1, kind="worst")
+    asked = problem(with_platform(), objectives=[worst])
+    at = [0.26, 0.45, 0.008]
+    machine = asked.machine(at)
+    peaks = []
+    for share in (0.95, 1.05):
+        body = Body(share * OWN.mass, OWN.com, share * OWN.inertia)
+        found = p3dof.load(with_platform(machine, body)).inverse_dynamics(SHORT, method="pinocchio").forces
+        peaks.append(np.abs(found).max())
+    assert asked.evaluate(at)[worst.name][0] == pytest.approx(max(peaks), rel=1e-10)
+    with pytest.raises(InputError, match="bodies of solids follow from their sizes"):
+        problem(objectives=[worst]).evaluate(at)

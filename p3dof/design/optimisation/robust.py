@@ -18,7 +18,7 @@ from p3dof._base.blocks import Block, Normal, Samples
 from p3dof._base.blocks.problem import whole
 from p3dof._base.checks import FloatArray, Readable, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.designs.columns import QUANTITIES, SIZES, full_name, numbers_of
+from p3dof.analysis.designs.columns import QUANTITIES, SIZES, full_name, members_of, numbers_of
 from p3dof.analysis.designs.figures import FigureGroup
 from p3dof.analysis.tolerances.directions import amount_of, direction_of
 from p3dof.design.optimisation.measures import measure_of
@@ -196,7 +196,9 @@ def _moving(name: str, setting: Setting) -> tuple[Mapping[str, float], float]:
     """Return the columns that a parameter moves, and its nominal number where it is no variable."""
     if name in setting.names:
         return {name: 1.0}, 0.0
-    direction = direction_of(name, setting.machine, setting.bodies)
+    full = full_name(name) if isinstance(name, str) else ""
+    kept = full.startswith("bodies.") and set(members_of(full)) & set(setting.fixed)
+    direction = direction_of(name, setting.machine, "kept" if kept else setting.bodies)
     return direction.rates, float(setting.fixed.get(name, direction.nominal))
 
 
