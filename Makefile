@@ -168,9 +168,9 @@ wheels-check: $(DEV) ## build what is published twice, and try each wheel in an 
 release-check: $(DEV) ## do version, changelog, citation and tag agree?
 	$(BIN)/pytest -q tests/house/test_release.py
 
-sdist: $(TOOLS)/.ready ## build the source distribution into out/dist
-	$(TOOLS)/bin/python -m build --sdist --outdir $(OUT)/dist .
-	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*.tar.gz
+sdist: $(TOOLS)/.ready ## build the source distribution, and the wheel without the extension, into out/dist
+	P3DOF_NO_EXTENSION=1 $(TOOLS)/bin/python -m build --outdir $(OUT)/dist .
+	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*
 
 # For every Python and system of the processor at hand where cibuildwheel can (docker, or macOS), else for this Python.
 wheels: $(TOOLS)/.ready ## build wheels into out/dist
