@@ -68,7 +68,7 @@ def least(cls: type[Any], name: str) -> str:
 
 def alike(unit: str) -> str:
     """Return the pattern of a unit and those of the same kind: each of its factors may be another one."""
-    powers = quantities._unit(unit)[0]
+    powers = quantities.unit_of(unit)[0]
     whole = [name for name, (own, _) in quantities._UNITS.items() if own == powers]
     sign, between = ("/", r"\s*/\s*") if "/" in unit else (" ", r"[\s*·]+")
     product = between.join(f"({alike(word)})" for word in unit.split(sign)) if sign in unit else ""

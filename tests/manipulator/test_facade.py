@@ -115,15 +115,16 @@ def functions_of(value):
 
 
 def hints_of(function):
-    if inspect.isclass(function):
-        return [hint for name, hint in typing.get_type_hints(function).items() if name[0] != "_"]
-    returned = getattr(function, "__annotations__", {}).get("return")
-    if not isinstance(returned, str):
-        return [returned]
     wings = (p3dof.machine, p3dof.closed_form, p3dof.methods, p3dof.runs, p3dof.analysis, p3dof.design)
     doors = [p3dof, p3dof.loops, p3dof.viewer, *wings]
     offered = [(room, name) for room in (*doors, p3dof.analysis.reactions) for name in room.__all__]
     late = {name: getattr(room, name) for room, name in offered}  # what is imported when it is used
+    if inspect.isclass(function):
+        hints = typing.get_type_hints(function, localns=late)
+        return [hint for name, hint in hints.items() if name[0] != "_"]
+    returned = getattr(function, "__annotations__", {}).get("return")
+    if not isinstance(returned, str):
+        return [returned]
     names = {**late, **getattr(inspect.unwrap(function), "__globals__", {})}
     return [eval(returned, names)]  # noqa: S307 - our own
 
