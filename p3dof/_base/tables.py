@@ -72,19 +72,34 @@ class Table:
         )
 
 
-def number(value: float) -> str:
+class Numeral(str):
+    """A number as it is shown, which keeps its value for those who compute with it."""
+
+    value: float
+
+    def __new__(cls, text: str, value: float) -> Numeral:
+        found = super().__new__(cls, text)
+        found.value = float(value)
+        return found
+
+    def __getnewargs__(self) -> tuple[str, float]:  # type: ignore[override]
+        return str(self), self.value
+
+
+def number(value: float) -> Numeral:
     """Return a number with six digits; a dash for what does not exist."""
-    return NONE if math.isnan(value) else f"{value + 0.0:.6g}"
+    return Numeral(NONE if math.isnan(value) else f"{value + 0.0:.6g}", value)
 
 
-def fixed(value: float, decimals: int) -> str:
+def fixed(value: float, decimals: int) -> Numeral:
     """Return a number with so many decimals; a dash for what does not exist."""
-    return NONE if math.isnan(value) else f"{value:.{decimals}f}"
+    return Numeral(NONE if math.isnan(value) else f"{value:.{decimals}f}", value)
 
 
-def percent(share: float, decimals: int = 1) -> str:
+def percent(share: float, decimals: int = 1) -> Numeral:
     """Return a share in percent, with decimals to show what is just above 100; ``"beyond"`` for infinity."""
-    return f"{share:.{decimals + _more(share, decimals)}%}" if share < math.inf else "beyond"
+    text = f"{share:.{decimals + _more(share, decimals)}%}" if share < math.inf else "beyond"
+    return Numeral(text, share)
 
 
 def _more(share: float, decimals: int) -> int:

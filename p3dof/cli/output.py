@@ -27,7 +27,7 @@ from rich.text import Text
 from p3dof._base.checks import one_line, visible
 from p3dof._base.errors import P3dofError
 from p3dof._base.files import scratch_folder
-from p3dof._base.tables import NONE, Table
+from p3dof._base.tables import NONE, Numeral, Table
 from p3dof.cli.app import LONGEST, Command, spelled
 
 
@@ -118,6 +118,7 @@ def plain(value: Any) -> Any:
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(one) for one in value]
+    value = value.value if isinstance(value, Numeral) else value
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

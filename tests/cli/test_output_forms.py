@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import io
 import json
@@ -15,6 +16,7 @@ from documents import ROOT
 
 import p3dof
 from p3dof._base.files import SUFFIXES
+from p3dof._base.tables import fixed, number, percent
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile
 from p3dof.cli.output import plain
@@ -192,3 +194,18 @@ def test_plain_data():
         {"a": np.array([1.0, np.nan]), "b": (np.float64(2), {"c": np.inf}), "d": np.arange(2), 3: "x"}
     )
     assert found == {"a": [1.0, None], "b": [2.0, {"c": None}], "d": [0, 1], "3": "x"}
+
+
+@pytest.mark.usefixtures("here")
+def test_numbers_that_tables_show_rounded_are_whole(capsys):
+    """Of texts too, as tables of drives have them: a share is a share, what does not exist is null."""
+    data = json.loads(run(capsys, "plan", "task.yaml", "--duration", "2", "--json")[1])
+    task = p3dof.design.tasks.read_task("task.yaml")
+    found = p3dof.design.forces_of_task(p3dof.load(), task.plan(duration=2))
+    table = next(one for one in data["tables"] if one["title"] == "Utilisation of limits")
+    row = next(row for row in table["rows"] if row[0] == "force A [N]")
+    peak = np.abs(found.forces[:, 0]).max()
+    assert row[1] == pytest.approx(peak, rel=1e-13)
+    assert row[-1] == row[1] / p3dof.load().parameters.limits.force
+    assert copy.deepcopy(fixed(1 / 3, 2)).value == 1 / 3
+    assert plain((number(np.nan), fixed(1 / 3, 2), percent(np.inf))) == [None, 1 / 3, None]

@@ -109,7 +109,7 @@ def ranking_table(found: Sequence[Sizing], most: int = 10) -> Table:
 def axes_table(sizing: Sizing) -> Table:
     """Return what a cycle takes of the drive of each axis."""
     axes = sizing.axes
-    rows = {
+    rows: dict[str, Sequence[str]] = {
         "peak torque [N m]": [number(axis.peak_torque) for axis in axes],
         "at t [s]": [number(axis.peak_time) for axis in axes],
         "share of inertia there": [f"{axis.peak_inertia_share:.0%}" for axis in axes],
