@@ -164,6 +164,19 @@ def test_blocks_that_are_not_run_are_few():
     assert languages <= {"python", "console", "yaml", "text", "c", "js", "csv"}
 
 
+def test_times_told_to_choose_by_are_those_that_were_measured():
+    said, measured = ((DOCS / f"explanation/{page}.md").read_text("utf-8") for page in ("choosing", "speed"))
+    rows = {
+        "pinocchio": "inverse_dynamics, 1,001",
+        "virtual-power": "inverse_dynamics, virtual power, 1,001",
+        "compiled": "inverse_dynamics, compiled, 100,000",
+    }
+    for method, call in rows.items():
+        (time,) = re.findall(rf'^\| `"{method}"` \|.*?\| (\d[^|]*) \|', said, re.MULTILINE)
+        assert f"\n| {call} | {time} a sample |" in measured, method
+    assert list(rows) == list(p3dof.methods.METHODS)
+
+
 def test_each_guarantee_names_tests_that_are_there():
     text = (DOCS / "explanation/guarantees.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| ") and "guaranteed" not in line]
