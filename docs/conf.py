@@ -51,6 +51,7 @@ searched = {
     "how-to/your-own-machine": {"": "payload; own machine; dimensions; mass; inertia; CAD"},
     "how-to/motion-files": {"": "degrees; millimetres; units; CSV; own motion; trajectory"},
     "how-to/another-closed-loop-robot": {"": "own robot; closed loop; MJCF; loop closure; MuJoCo model"},
+    "how-to/error-messages": {"": "troubleshooting; error; warning; problem; fix"},
     "how-to/gallery": {
         "stewart-platform": "Stewart; Gough; hexapod; 6-UPS",
         "delta-robot": "Delta",
