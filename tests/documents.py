@@ -4,7 +4,8 @@ In a page, a block of the language
 
 * ``python`` is run; all blocks of a page are one session;
 * ``console`` holds commands after ``$``, in several lines where they end in a backslash: ``p3dof ...`` is run
-  and must end with exit code 0, ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs
+  and must end with exit code 0, ``> file`` writes it and what ``|`` it is given to is not run,
+  ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs
   engines or a browser that are not there is not run;
 * ``yaml`` or ``text`` whose first line is a comment with a file name, as ``# machine.yaml``, is written to
   that file; what has none is read only.
@@ -12,9 +13,11 @@ In a page, a block of the language
 
 from __future__ import annotations
 
+import io
 import re
 import shlex
 import shutil
+from contextlib import nullcontext, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,8 +98,13 @@ def _run_command(line: str) -> None:
         return
     if line.endswith(".pdf") and not any(map(shutil.which, headless.NAMES)):
         return
-    words = shlex.split(found[2], comments=True)
+    command, _, file = found[2].partition(" | ")[0].partition(" > ")
+    words = shlex.split(command, comments=True)
     if found[1] == "p3dof":
-        assert main(words) == 0, line
+        out = io.StringIO()
+        with redirect_stdout(out) if file else nullcontext():
+            assert main(words) == 0, line
+        if file:
+            Path(file).write_text(out.getvalue(), encoding="utf-8")
     else:
         exec(words[0], {})  # noqa: S102 - our own text

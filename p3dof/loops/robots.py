@@ -14,7 +14,6 @@ import pinocchio as pin
 from p3dof._base.checks import shown
 from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
-from p3dof._base.model_files import in_gallery
 from p3dof.loops.coordinates import with_armature
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
@@ -239,9 +238,18 @@ def _path(source: object) -> str | None:
     path = os.fspath(source)
     if not isinstance(path, str) or "<" in path:
         raise ModelError(f"robot: expected a path, XML text or a name, got {shown(source)}")
-    path = in_gallery(path) or path
+    path = named_file(path)
     plain = Path(path).name == path and not path.lower().endswith(_SUFFIXES)
     return None if plain and not isinstance(source, os.PathLike) and not _is_there(path) else path
+
+
+def named_file(path: str) -> str:
+    """Return the path of a file, also where it is the name of a robot of the gallery."""
+    if not path.replace("\\", "/").startswith("gallery/"):
+        return path
+    from p3dof._base.model_files import in_gallery
+
+    return in_gallery(path) or path
 
 
 def _is_there(path: str) -> bool:

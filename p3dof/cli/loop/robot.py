@@ -18,7 +18,6 @@ from rich.console import Console
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import AssemblyError, InputError, ParameterError
 from p3dof._base.files import read_text, write_atomic, write_table
-from p3dof._base.model_files import in_gallery
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, Quantity
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.cli.app import FAILED
@@ -28,6 +27,7 @@ from p3dof.cli.loop import loop
 from p3dof.cli.output import in_options, print_warnings, print_written, say, show
 from p3dof.loops import Assembly, ClosedLoopModel, load_robot
 from p3dof.loops.compiled.kept import ROBOT_METHODS
+from p3dof.loops.robots import named_file
 from p3dof.loops.sidecar import suggestion
 from p3dof.loops.tables import (
     assembly_table,
@@ -108,7 +108,7 @@ def with_robot(command: Callable[..., Any]) -> Callable[..., Any]:
     ) -> Any:
         if reference is not None and reference.lower().endswith(".csv"):
             raise InputError("--reference: expected a keyframe or group state; a motion is given by --motion")
-        file = Path(in_gallery(str(file)) or file)
+        file = Path(named_file(str(file)))
         inputs = [path for path in (file, sidecar, srdf) if path is not None]
         protect(inputs, ())
         with in_options(_OPTIONS):

@@ -51,6 +51,7 @@ _AXES = 3  # all have the same drive
 _SAMPLES = 201  # of a task, at least
 _KEPT = 256  # machines whose cycles are kept
 _STEP = 1e-5  # of differences, as a share of a variable
+_MASSLESS = ("actuators.counterbalance.", "actuators.spring.")
 _OF_SPEED = (
     "speed",
     "gear speed",
@@ -464,16 +465,19 @@ class OfDrives(OfDesigns):
     def least(self, population: Population) -> float:
         """Return what it is at least for these variables of the machine, whatever counterbalances do.
 
-        Of the ratings that the sliders' speeds alone decide.
+        Of the ratings that the sliders' speeds alone decide, and of the ratio of inertia, where neither moved
+        masses nor the lead vary.
         """
         if self.name == "rms_torque":
             return -np.inf
         tasks = range(len(duties_of(population, self.name).tasks))
+        still = all(name.startswith(_MASSLESS) for name in population.setting.names)
+        known = (*_OF_SPEED, "inertia ratio") if still else _OF_SPEED
         found = [
             value
             for duty in tasks
             for name, value in self.of_task(population, 0, duty).items()
-            if name.partition(" ")[2] in _OF_SPEED
+            if name.partition(" ")[2] in known
         ]
         return max(found, default=-np.inf)
 
