@@ -543,3 +543,14 @@ def test_a_badly_chosen_motion_gives_consistent_parameters_that_predict():
         error = np.sqrt(((paper @ (estimate.parameters - built.design)) ** 2).mean(axis=0))
         assert (error < 0.05).all()
         forces.corrected(estimate.parameters)  # refuses bodies that are none
+
+
+def test_limits_of_an_extended_model_are_those_of_the_model():
+    """So that its excitation can be optimised: rows are taken without the columns of the extras."""
+    forces = MachineForces(SOLIDS)
+    extended = ExtendedForces(forces, ["stribeck"], stribeck_speed=0.02)
+    motion = paper_motion(11)
+    states = extended.from_coordinates(motion.pose, motion.velocity, motion.acceleration)
+    own = forces.excess(states, forces.rows(states))
+    assert extended.excess(states, extended.rows(states)) == pytest.approx(own, rel=1e-14)
+    assert extended.excess(states) == pytest.approx(own, rel=1e-12)

@@ -491,9 +491,11 @@ class ExtendedForces:
         added = [kinds[extra][..., None] * np.eye(v.shape[1]) for extra in self._extras]
         return Rows(np.concatenate([own.columns, *added], axis=-1), own.known)
 
-    def excess(self, states: States) -> FloatArray:
+    def excess(self, states: States, rows: Rows | None = None) -> FloatArray:
         """Return by how much limits are exceeded, each over its size, (N, K): at most zero within."""
-        return self._forces.excess(states)
+        own = len(self._forces.design)  # the extras of the design are zero
+        bare = None if rows is None else rows._replace(columns=rows.columns[..., :own])
+        return self._forces.excess(states, bare)
 
     def corrected(self, parameters: ArrayLike) -> Any:
         """Return the robot or machine with these parameters; the extras are none of it."""
