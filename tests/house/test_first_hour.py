@@ -102,8 +102,10 @@ def test_the_engineer_with_a_part_to_move(walk, tmp_path):
     own, tutorial = begin_with(PART)
     _, said = walk(own)
     told = re.findall(r"^  (p3dof .*)", said, re.MULTILINE)
-    assert len(told) == 3
-    assert " fits with " in p3dof_process(told[-1], cwd=tmp_path / "mine")
+    assert len(told) == 4
+    size, bearings = (p3dof_process(line, cwd=tmp_path / "mine") for line in told[-2:])
+    assert " fits with " in size
+    assert "two carriages on each rail" in bearings
     lengths = p3dof.read_parameters(tmp_path / "lengths.yaml")
     found = in_table(table(tmp_path / "out/forces.csv"))
     assert from_lagrange(lengths, p3dof.paper_motion(), found) < 1e-12
