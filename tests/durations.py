@@ -201,7 +201,7 @@ def not_quick(config: pytest.Config) -> Callable[[str], bool]:
     """Return whether a test, or all of a file, is not quick."""
     times = read()
     long = slow(times, config.getoption("--budget"))
-    some = {file_of(name) for name in times.keys() - long if "::" in name}
+    some = {file_of(name) for name in times.keys() - long if "::" in name and not name.startswith(LONG)}
 
     def leaves_out(name: str) -> bool:
         if name.startswith(LONG) or name in long:

@@ -21,6 +21,7 @@ from p3dof.design.tasks import AxisLimits, FastestPlan, Path, Task, Waypoint
 from p3dof.design.tasks.fastest import fastest_law
 from p3dof.design.tasks.laws import PROFILES, Law, ProfileLaw, SmoothLaw, SpeedLaw
 from p3dof.design.tasks.limits import Demand, Used, Way
+from p3dof.design.tasks.paths import third_by_differences
 from p3dof.design.tasks.plan import Stretch, payloads, planned
 from p3dof.design.tasks.smooth import STARTS, LimitUse, jerk_limited_law, looked_at, uses_of
 from p3dof.design.tasks.task import MotionTask
@@ -32,9 +33,8 @@ from p3dof.methods import InverseDynamics
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
 _RPM, _WOUND = 30 / math.pi, 33  # rpm of rad/s; speeds at which what a winding gives is looked at
 _KEPT = 4  # so many rows of places are kept with their poses
-_BESIDE, _DIFFERENCE = 1e-7, 1e-3
-"""Share of half a step by which third derivatives are taken off its ends, where they may jump; and of a way
-over which differences are taken."""
+_BESIDE = 1e-7
+"""Share of half a step by which third derivatives are taken off its ends, where they may jump."""
 
 
 def fastest_plan(
@@ -293,14 +293,14 @@ class WayOfMachine:
             return np.asarray(self._bare.forces(pose, velocity, acceleration, method="compiled", wrench=load))
 
         rest = forces(none, none)
-        rate, change = self._sliders(pose, slope, bend)
+        sliders, rate, change = self._sliders(pose, slope, bend)
         third = np.full_like(rate, np.nan)
         if self._with_jerk:
-            third = self._third(pose, slope, bend, self._path.third(place + _BESIDE * (middle - place)))
+            beside = self._path.third(place + _BESIDE * (middle - place))
+            third = third_by_differences(self._sliders, pose, slope, bend, beside, self._path.end)
         mass = forces(none, slope) - rest + self._mass * rate
         bias = forces(slope, bend) - rest + self._mass * change
-        added, geometry = self._bare.parameters.actuators, self._bare.parameters.geometry
-        sliders = kinematics.inverse_kinematics(geometry, pose).sliders
+        added = self._bare.parameters.actuators
         balance = added.balance_at_home(self._bare.parameters.gravity) - added.stiffness * sliders
         own, turning = self._mass + added.inertia, self._mass + added.rotors
         return Demand(mass, bias, rest, rate, change, third, own, balance, turning)
@@ -316,23 +316,15 @@ class WayOfMachine:
 
     def _sliders(
         self, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the velocity and acceleration of the sliders, (P, 3) each."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return positions, velocities and accelerations of the sliders, (P, 3) each."""
         geometry = self._bare.parameters.geometry
         moved = kinematics.mechanism_motion(geometry, pose, velocity, acceleration)
-        rate = np.column_stack([moved.velocity[name] for name in SLIDES])
-        return rate, np.column_stack([moved.acceleration[name] for name in SLIDES])
-
-    def _third(self, pose: FloatArray, slope: FloatArray, bend: FloatArray, third: FloatArray) -> FloatArray:
-        """Return the third derivative of the sliders, (P, 3), by differences along a cubic of the pose."""
-        step = _DIFFERENCE * self._path.end
-
-        def change(s: float) -> FloatArray:
-            place = pose + s * (slope + s * (bend / 2 + s * third / 6))
-            return self._sliders(place, slope + s * (bend + s * third / 2), bend + s * third)[1]
-
-        near, far = (change(k * step) - change(-k * step) for k in (1, 2))
-        return (8 * near - far) / (12 * step)
+        one, two, three = (
+            np.column_stack([of[name] for name in SLIDES])
+            for of in (moved.position, moved.velocity, moved.acceleration)
+        )
+        return one, two, three
 
     def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
         """Return what friction adds to the forces, (P, 3) [N], at parameters and speeds ṡ (P,)."""

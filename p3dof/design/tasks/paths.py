@@ -9,7 +9,7 @@ at d, 3 d/4, d/2 and d/4 keeps three.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -366,14 +366,7 @@ class JointPath(Path):
         By differences of the second one along a cubic of the sliders.
         """
         way, slope, bend = super().at(parameter)
-        third, step = super().third(parameter), _STEP * self.end
-
-        def second(s: float) -> FloatArray:
-            place = way + s * (slope + s * (bend / 2 + s * third / 6))
-            return self._posed(place, slope + s * (bend + s * third / 2), bend + s * third)[2]
-
-        near, far = (second(k * step) - second(-k * step) for k in (1, 2))
-        return (8 * near - far) / (12 * step)
+        return third_by_differences(self._posed, way, slope, bend, super().third(parameter), self.end)
 
     def _posed(
         self, way: FloatArray, slope: FloatArray, bend: FloatArray
@@ -387,7 +380,25 @@ class JointPath(Path):
         return pose, first, np.einsum("nij,nj->ni", inverse, bend - turned)
 
 
-_STEP = 1e-3  # share of the way over which differences are taken
+def third_by_differences(
+    mapped: Callable[[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
+    way: FloatArray,
+    slope: FloatArray,
+    bend: FloatArray,
+    third: FloatArray,
+    end: float,
+) -> FloatArray:
+    """Return the third derivative of what is mapped, by differences of its second one along a cubic."""
+    step = 1e-3 * end
+
+    def second(s: float) -> FloatArray:
+        place = way + s * (slope + s * (bend / 2 + s * third / 6))
+        return mapped(place, slope + s * (bend + s * third / 2), bend + s * third)[2]
+
+    near, far = (second(k * step) - second(-k * step) for k in (1, 2))
+    return (8 * near - far) / (12 * step)
+
+
 _FINE = 0.2  # share of the mean step of samples under which one is left out: there rounding bends a spline
 _GAP, _BESIDE = 5.0, 3  # a step so many times longer than all of so many on either side is a gap
 _ALONG = math.cos(math.radians(15))  # so well the spline must go where the velocity of a sample does
