@@ -41,27 +41,9 @@ _ANGLES = {**ANGLES, "mrad": (1.0, 1e3)}
 def read_poses(
     text: str, source: str, readings: Mapping[str, bool], measured: Mapping[str, bool]
 ) -> tuple[FloatArray, tuple[str, ...], FloatArray]:
-    """Read what motors read, and what was measured there; columns in any order.
+    """Return readings (K, m) of the motors, names of what was measured, and its values (K, c) or NaN.
 
-    Parameters
-    ----------
-    text, source : str
-        Of the file, and what to call it in an error. Lines that are blank or begin with ``#`` are skipped.
-    readings : mapping of str to bool
-        Names of the motors, all of which have a column, and whether each is a length; else it is an angle.
-    measured : mapping of str to bool
-        The same of what may be measured; columns of the file that are in neither are refused.
-
-    Returns
-    -------
-    tuple
-        Readings (K, m), names of what was measured, in the order of `measured`, and its values (K, c), with
-        NaN where a field is empty.
-
-    Raises
-    ------
-    InputError
-        With file, line and column.
+    Columns come in any order; `readings` and `measured` tell which there may be, and which are lengths.
     """
     lines = [
         (i, line) for i, line in enumerate(io.StringIO(text), 1) if line.strip() and line.lstrip()[0] != "#"

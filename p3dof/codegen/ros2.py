@@ -62,23 +62,7 @@ def ros2_files(
     description: str | None = None,
     shapes: Path | None = None,
 ) -> dict[str, str]:
-    """Return the files of a package, text by name.
-
-    Parameters
-    ----------
-    robot : ClosedLoopModel
-        Where it starts is its reference configuration.
-    prefix : str, optional
-        Name of the package and prefix of its C; by default from the name of the robot.
-    coordinates : iterable of str, optional
-        Joints of a controller; motors behind no linkage of theirs are coordinates too. By default the motors.
-    actuators : iterable of str, optional
-        Joints that are measured and commanded; by default all motors.
-    description : str, optional
-        URDF of the tree; by default as `ClosedLoopModel.write` writes it.
-    shapes : Path, optional
-        A URDF whose links have the shapes of those of the description.
-    """
+    """Return the files of a package, text by name."""
     name = _package(robot, prefix)
     made = _transmission(robot, coordinates, actuators)
     tree, names = _described(description or urdf.texts(robot)[0], shapes)

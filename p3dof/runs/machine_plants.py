@@ -76,13 +76,7 @@ class Limiter:
         }
 
     def started(self, pose: FloatArray, drops: FloatArray | None = None) -> tuple[Limiter, float]:
-        """Return the limiter of a run from a pose (3,), and its side of the singular pose: 1 or -1.
-
-        Raises
-        ------
-        ReachError, InputError
-            If it would start out of reach, or beyond a limit.
-        """
+        """Return the limiter of a run from a pose (3,), and its side of the singular pose: 1 or -1."""
         try:
             values = self._values(*pose.tolist())
         except (ValueError, ArithmeticError):

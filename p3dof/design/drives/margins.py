@@ -200,18 +200,9 @@ def table_share(table: Sequence[Sequence[float]], value: float) -> float:
 
 
 def derated(torque: FloatArray, shifted: FloatArray, still: float, share: float) -> FloatArray:
-    """Return continuous torques that are left of a share at standstill: the least of the ways in use.
+    """Return continuous torques left of a share at standstill: the least of the ways in use.
 
-    Parameters
-    ----------
-    torque : (...) array
-        Continuous torque at the speeds asked for [N m].
-    shifted : (...) array
-        That at the speeds over the share: the curve, shrunk towards zero in both directions.
-    still : float
-        That at standstill [N m].
-    share : float
-        What is left at standstill.
+    `shifted` is the curve at speeds over the share: shrunk towards zero in both directions.
     """
     if share >= 1:
         return torque

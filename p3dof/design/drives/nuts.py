@@ -146,21 +146,7 @@ def flank_loads(force: FloatArray, preload: float) -> tuple[FloatArray, FloatArr
 def nut_life(
     time: FloatArray, force: FloatArray, turning: FloatArray, cycle: float, dynamic: float, preload: float
 ) -> NutLife:
-    """Return how long a ball nut lives under a cycle that is repeated.
-
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        [s].
-    force : ndarray, shape (N,)
-        At the nut, with its sign [N].
-    turning : ndarray, shape (N,)
-        Of the screw against the nut [rad/s].
-    cycle : float
-        How long it takes, with its rest [s].
-    dynamic, preload : float
-        Dynamic axial load rating C_a and preload F_pr [N].
-    """
+    """Return how long a ball nut lives under a cycle of signed forces [N] and speeds of turning [rad/s]."""
     speed = np.abs(turning)
     angle = float(np.trapezoid(speed, time))
     turns, at = angle / (2 * math.pi), int(np.abs(force).argmax())

@@ -151,18 +151,6 @@ def read_comparison(text: object, resolve: Resolve) -> Comparison:
 
     Of numbers in SI units or with a unit, names, and `FUNCTIONS`; sums of what has different units are
     refused, where numbers without a unit may have any.
-
-    Parameters
-    ----------
-    text : str
-        The relation.
-    resolve : callable
-        From a name to the one that nodes have, and its unit.
-
-    Raises
-    ------
-    InputError
-        Where it is none: the message names the character.
     """
     if not isinstance(text, str) or not text.strip():
         raise InputError(f"expected a relation such as 'R >= r + 0.03', got {shown(text)}")

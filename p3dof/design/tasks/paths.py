@@ -328,20 +328,6 @@ class JointPath(Path):
 
     The parameter is the length in the space of the sliders' ways [m], with blends as of `Path`. The pose
     follows by forward kinematics, in the working mode: λ' = J x', λ'' = J x'' + J' x'.
-
-    Parameters
-    ----------
-    waypoints, names, smoothness :
-        As of `Path`; blends are lengths in the space of the sliders [m].
-    geometry : Geometry
-        Lengths of the mechanism.
-
-    Raises
-    ------
-    TaskError
-        As of `Path`; also if a waypoint has no θ.
-    ReachError, SingularityError
-        If the machine cannot reach a waypoint, or the way.
     """
 
     def __init__(
@@ -413,18 +399,6 @@ class SampledPath(Path):
     It is a spline of degree 5 through the poses. Its parameter p is a length near the stops, where the motion
     is slow, and elsewhere goes with its time t: dp = ε ds / √(v² + ε²), by the length s in the metric of
     `Path` and the speed v = ds/dt. So what happens fast, as where a path turns sharply, is not lost.
-
-    Parameters
-    ----------
-    motion : Motion
-        From stop to stop.
-    length : float
-        As of `Path`.
-
-    Raises
-    ------
-    TaskError
-        If samples are so far from each other that the path between them is not known.
     """
 
     def __init__(self, motion: Motion, length: float) -> None:

@@ -264,22 +264,6 @@ class MotionTask(Task):
 
     The ways between its rests are splines through its poses. Where it is slowest, and a thousand times slower
     than at its fastest, it stops for a moment; its first and last samples are stops whatever their speed.
-
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-    name : str
-        As of `Task`, as the next two.
-    turning_length : float
-        ℓ.
-    limits : mapping
-        Of the actuators.
-
-    Raises
-    ------
-    TaskError
-        If it is none, stays in one pose, or has samples too far from each other to tell the path between.
     """
 
     def __init__(

@@ -520,22 +520,7 @@ _TRIES = 20  # random readings for each that is wanted
 
 
 def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> FloatArray:
-    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad].
-
-    Parameters
-    ----------
-    robot : ClosedLoopModel
-        The robot; its actuated joints have limits, which its other joints may not exceed either.
-    count : int
-        How many.
-    seed : int
-        Of the random numbers.
-
-    Raises
-    ------
-    InputError
-        If an actuated joint has no limits, or hardly any readings can be assembled within all limits.
-    """
+    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad]."""
     model, wanted = robot.model, whole("count", count, 1)
     at = np.array([model.idx_qs[model.getJointId(name)] for name in robot.actuated])
     low, high = np.asarray(model.lowerPositionLimit)[at], np.asarray(model.upperPositionLimit)[at]

@@ -130,21 +130,9 @@ class Fit:
 
 
 def fit(evaluate: Callable[[FloatArray], Rows], sigma: FloatArray, tolerances: FloatArray) -> Fit:
-    """Return the most likely parameters about a design.
+    """Return the most likely parameters about a design, whose tolerances (P,) may be infinite.
 
-    Parameters
-    ----------
-    evaluate : callable
-        Takes parameters (P,), returns numbers less what was measured (N,), and their derivatives (N, P).
-    sigma : (N,) array
-        Standard deviations of the measured numbers.
-    tolerances : (P,) array
-        Standard deviations of the parameters about the design, zero; infinite where nothing is known.
-
-    Raises
-    ------
-    OptimisationError
-        If the steps do not end.
+    `evaluate` takes parameters (P,) and returns numbers less what was measured (N,), and their derivatives.
     """
     known = np.isfinite(tolerances)
     p: FloatArray = np.zeros(len(tolerances))
@@ -262,24 +250,10 @@ class ChosenPoses:
 
 
 def chosen_poses(rows: FloatArray, tolerances: FloatArray, count: int) -> ChosenPoses:
-    """Return the poses that make the parameters' covariance least: D-optimal.
+    """Return the D-optimal poses, whose parameters' covariance is least, of rows (C, k, P) of derivatives.
 
     The first are taken one after the other, each of which adds most to log det of the information; then poses
-    are exchanged for others as long as that grows.
-
-    Parameters
-    ----------
-    rows : (C, k, P) array
-        Derivatives of the k numbers that a pose tells, over their standard deviations; zero for no number.
-    tolerances : (P,) array
-        Standard deviations of the parameters about the design; infinite where nothing is known.
-    count : int
-        How many poses are chosen.
-
-    Raises
-    ------
-    InputError
-        If there are fewer candidates, or the numbers cannot tell the parameters.
+    are exchanged for others as long as that grows. A row of zeros is no number; a tolerance may be infinite.
     """
     whole("count", count, 1)
     if count > len(rows):

@@ -255,13 +255,7 @@ class Usable(NamedTuple):
 
 
 def usable(log: MotorLog, units: Sequence[Kind]) -> Usable:
-    """Return which samples of a log are usable, and what to know about the others.
-
-    Raises
-    ------
-    InputError
-        If a column is constant, or so much is saturated that what is left is no measurement.
-    """
+    """Return which samples of a log are usable, and what to know about the others."""
     remarks = []
     kept, known = np.ones(log.forces.shape, dtype=bool), np.ones(log.forces.shape, dtype=bool)
     for j, (name, unit) in enumerate(zip(log.actuators, units, strict=True)):
@@ -450,17 +444,7 @@ def left_over(forces: IdentifiableForces, rows: Rows, prior: FloatArray, measure
 def wrong_columns(
     forces: IdentifiableForces, motion: Motion, measured: FloatArray, prior: FloatArray, failed: str = ""
 ) -> str:
-    """Return in words what explains the forces far better than the columns as they are; empty if nothing.
-
-    Parameters
-    ----------
-    motion : tuple of (N, m) array
-        Positions, velocities and accelerations, as measured.
-    measured : (N, m) array
-        Forces.
-    failed : str
-        Why the robot cannot move so, if it cannot.
-    """
+    """Return in words what explains measured forces (N, m) far better than these columns, or nothing."""
     some = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), _SAMPLES)).astype(int))
     x, v, a = (part[some] for part in motion)
     y = measured[some]

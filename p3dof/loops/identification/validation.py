@@ -296,15 +296,7 @@ def _chi_square(identification: Identification, data: PreparedLog, residuals: Fl
 
 
 def ljung_box(values: FloatArray, lags: int = _LAGS) -> float:
-    """Return the probability of values (N,) as correlated as these, if they were white noise.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Residuals in the order of time.
-    lags : int
-        Up to which lag correlations count; at most a fifth of the values.
-    """
+    """Return the probability of values (N,) as correlated as these, if they were white noise."""
     from scipy.stats import chi2
 
     x, n = values - values.mean(), len(values)
