@@ -34,7 +34,7 @@ GROUPS ?= 0
 ONLY ?=
 
 .PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
-.PHONY: release-check wheels-check sdist wheels sbom lock
+.PHONY: release-check wheels-check sdist wheels conda sbom lock
 .PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
 
 demo: $(VENV)/.demo ## run the main job on the paper's motion, into out/
@@ -172,6 +172,14 @@ sdist: $(TOOLS)/.ready ## build the source distribution, and the wheel without t
 	P3DOF_NO_EXTENSION=1 $(TOOLS)/bin/python -m build --outdir $(OUT)/dist .
 	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*
 
+CONDA := import rattler_build as r; recipe = r.Stage0Recipe.from_yaml(open(".github/conda/recipe.yaml").read())
+CONDA += ; variants = r.VariantConfig({"c_compiler": ["gcc"], "c_stdlib": ["sysroot"]})
+CONDA += ; at = lambda name: r.RenderConfig(platform=r.PlatformConfig(target_platform=name))
+CONDA += ; [print(name, *one.recipe.requirements.run, sep="\n  ") for name in ("linux-64", "osx-arm64", "win-64")
+CONDA += for one in recipe.render(variants, at(name))]
+conda: $(TOOLS)/.ready ## have rattler-build read the recipe for conda-forge, and say what it asks for
+	@$(TOOLS)/bin/python -c '$(CONDA)'
+
 # For every Python and system of the processor at hand where cibuildwheel can (docker, or macOS), else for this Python.
 wheels: $(TOOLS)/.ready ## build wheels into out/dist
 	@if docker info >/dev/null 2>&1 || [ "$$(uname)" = Darwin ]; then \
@@ -222,7 +230,7 @@ $(LOWEST)/.ready: $(DEV) tests/lowest.py
 
 $(TOOLS)/.ready:
 	@$(PYTHON) -m venv $(TOOLS)
-	@$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' build cibuildwheel cyclonedx-bom twine
+	@$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' build cibuildwheel cyclonedx-bom py-rattler-build twine
 	@touch $@
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)

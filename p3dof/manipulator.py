@@ -628,7 +628,8 @@ class Manipulator:
         of joints and rods; ``"paper"`` or ``"points"``, two idealisations of the joints; or ``"all"``. They
         have `load_friction` too, where it is given.
         """
-        from p3dof.analysis.reactions import of_result, over_motion, ways_of
+        from p3dof.analysis.reactions import ways_of
+        from p3dof.analysis.reactions.evaluation import of_result, over_motion
 
         if load_friction is not None:
             ways_of(joints)

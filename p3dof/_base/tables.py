@@ -33,30 +33,15 @@ _WHOLE = 1e-9  # shares no more than this above 1 are the whole: of rounding
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts and numbers.
-
-    Parameters
-    ----------
-    title : str
-        What it shows.
-    header : tuple of str
-        Names of the columns, with units.
-    rows : tuple of tuple of str or float
-        The first cell of each is its name.
-    note : str
-        What a reader must know besides.
-    layout : {"plain", "wide", "words", "list"}
-        Numbers in few columns, numbers in many, words, or words in many rows.
-    decimals : int
-        Of its numbers on a terminal, where they stand below each other.
-    """
+    """A table of texts and numbers."""
 
     title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""
+    header: tuple[str, ...]  # names of the columns, with units
+    rows: tuple[tuple[Cell, ...], ...]  # the first cell of each is its name
+    note: str = ""  # what a reader must know besides
     layout: Layout = "plain"
-    decimals: int = 4
+    """Numbers in few columns, in many (wide), words, or words in many rows (list)."""
+    decimals: int = 4  # of its numbers on a terminal, where they stand below each other
 
     def texts(self) -> tuple[tuple[str, ...], ...]:
         """Return the rows with six digits a number."""

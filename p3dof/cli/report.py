@@ -17,7 +17,7 @@ from rich.console import Console
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError, TaskError
 from p3dof._base.files import called, parse_yaml, read_text, suffix_of, together
-from p3dof.analysis.reactions import ALL, Choice, of_result
+from p3dof.analysis.reactions import ALL, Choice
 from p3dof.cli.app import app
 from p3dof.cli.case import STIFFNESS, Case, load_friction_in, stiffness_in, with_case, with_load
 from p3dof.cli.files import STREAM, InputFile, OutputFile, protect, save_figure, source
@@ -220,6 +220,7 @@ def _refuse_motion(case: Case) -> None:
 def _of_motion(case: Case, joints: Choice, stiffness: Path | None, told: _Told) -> int:
     """Write the report on a motion."""
     from p3dof import report as pages
+    from p3dof.analysis.reactions.evaluation import of_result
 
     with progress_bar("report", len(case.motion)) as progress:
         comparison = case.robot.compare(

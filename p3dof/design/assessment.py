@@ -25,7 +25,7 @@ from p3dof._base.tables import (
     percent,
     table_of,
 )
-from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness, of_result
+from p3dof.analysis.reactions import JOINTS, Reactions, Stiffness
 from p3dof.design.bearings import BearingLife, BearingReport, Bearings, bearing_life
 from p3dof.design.clearance import Clearance
 from p3dof.design.drives import (
@@ -517,6 +517,8 @@ def as_result(found: InverseDynamics | TaskForces) -> InverseDynamics:
 def _reactions(
     robot: Manipulator, found: InverseDynamics | TaskForces, stiffness: Stiffness | None
 ) -> Reactions:
+    from p3dof.analysis.reactions.evaluation import of_result
+
     if isinstance(found, TaskForces):
         return reactions_under(robot, found, stiffness)
     loads = of_result(robot.loop, robot.parameters, found, "elastic", "raise", stiffness)

@@ -29,7 +29,6 @@ from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, require, shown
@@ -292,12 +291,15 @@ class CollisionModel:
         self.around = around = Surroundings() if surroundings is None else surroundings
         size = Dimensions.scaled(parameters.geometry) if dimensions is None else dimensions
         self.geometry = parameters.geometry
+        import pinocchio as pin
+
         self.parts = _parts_of(parameters, around, replace(size, **around.dimensions))
         self.pairs = self._looked_at(around)
         solids = [(one, number) for number, part in enumerate(self.parts) for one in part.solids]
         self._solids = [one for one, _ in solids]
         self._bodies = [self.parts[number].body for _, number in solids]
         self._moving = [k for k, body in enumerate(self._bodies) if body != FRAME]
+        self._pin = pin
         self._model = pin.GeometryModel()
         for k, one in enumerate(self._solids):
             place = pin.SE3(one.rotation, one.position)
@@ -341,7 +343,7 @@ class CollisionModel:
         for k in range(len(pose)):
             self._put(rotation[k], position[k])
             if asked is None:
-                pin.computeDistances(self._model, self._data)
+                self._pin.computeDistances(self._model, self._data)
                 values = [one.min_distance for one in self._data.distanceResults]
                 found[k] = np.minimum.reduceat(values, self._starts)
             else:
@@ -458,10 +460,10 @@ class CollisionModel:
 
     def _put(self, rotation: FloatArray, position: FloatArray) -> None:
         for row, k in enumerate(self._moving):
-            self._data.oMg[k] = pin.SE3(rotation[row], position[row])
+            self._data.oMg[k] = self._pin.SE3(rotation[row], position[row])
 
     def _distance(self, row: int) -> float:
-        return float(pin.computeDistance(self._model, self._data, row).min_distance)
+        return float(self._pin.computeDistance(self._model, self._data, row).min_distance)
 
 
 def _parts_of(parameters: Parameters, around: Surroundings, size: Dimensions) -> tuple[_Part, ...]:
@@ -504,6 +506,8 @@ def _convex(shape: Box | Cylinder | Sphere, rotation: FloatArray, position: Floa
 
 def _given(one: CollisionShape) -> _Solid:
     if one.size is not None:
+        import pinocchio as pin
+
         rotation = pin.rpy.rpyToMatrix(*one.turn)
         return _convex(Box(one.size), rotation, np.array(one.at))
     start, end = np.array(one.ends)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, Progress, Readable, shown
 from p3dof._base.errors import InputError, SampleError
@@ -405,6 +404,8 @@ def _of_bearings(found: Assessment) -> dict[tuple[str, str, Better], float]:
 
 def _room(robot: Manipulator, result: InverseDynamics) -> FloatArray:
     """Return the size of the box, along x0, y0, z0, that all joints stay in over a motion, (3,) [m]."""
+    import pinocchio as pin
+
     model = robot.model
     data = model.createData()
     frames = [model.getFrameId(joint.frame) for joint in JOINTS]

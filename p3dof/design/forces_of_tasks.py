@@ -32,7 +32,6 @@ from p3dof.analysis.reactions import (
     ReactionsComparison,
     Stiffness,
     Way,
-    of_result,
     ways_of,
 )
 from p3dof.design.bearings import Bearings, Guide
@@ -325,6 +324,8 @@ def with_guide_friction(
 def _rubbed(
     robot: Manipulator, result: InverseDynamics, bearings: Bearings | None, stiffness: Stiffness | None
 ) -> InverseDynamics:
+    from p3dof.analysis.reactions.evaluation import of_result
+
     rows = np.unique(np.linspace(0, len(result.time) - 1, _LOOKS).round().astype(int))
     kept = np.zeros(len(result.time), dtype=bool)
     kept[rows] = True
@@ -458,6 +459,8 @@ def reactions_of_task(
 
 def reactions_under(robot: Manipulator, found: TaskForces, stiffness: Stiffness | None = None) -> Reactions:
     """Return the reactions of elastic joints under forces that are known, as of `reactions_of_task`."""
+    from p3dof.analysis.reactions.evaluation import of_result
+
     results = [
         of_result(machine.loop, machine.parameters, result, "elastic", "raise", stiffness)
         for machine, result in zip(machines_of(robot, found.plan), found.results, strict=True)

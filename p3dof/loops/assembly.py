@@ -359,8 +359,6 @@ def follow(system: System, q: FloatArray, tolerance: float) -> Path:
 
     Not complete if the path ends or turns back before s = 1, as at the border of reach.
 
-    References
-    ----------
     P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2011, section 5.1: natural continuation with
     a contraction test of 1/4.
     """
@@ -520,8 +518,6 @@ def levenberg_marquardt(
 
     Not complete if it ends in a minimum that is not zero.
 
-    References
-    ----------
     K. Madsen, H. B. Nielsen, O. Tingleff, Methods for non-linear least squares problems, 2nd ed., Technical
     University of Denmark 2004, section 3.2: the damping.
     J. Fan, Y. Yuan, On the quadratic convergence of the Levenberg-Marquardt method without nonsingularity

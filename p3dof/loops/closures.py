@@ -12,10 +12,10 @@ from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import FloatArray, one_line
-from p3dof._base.errors import ModelError, P3dofError
+from p3dof._base.checks import FloatArray, as_floats, frozen_array, one_line
+from p3dof._base.errors import InputError, ModelError, P3dofError
 from p3dof._base.threads import Own
 from p3dof.loops.closure_kinds import LENGTHS, PARTS, Ends, KindRows, OtherClosures
 from p3dof.loops.coordinates import length_coordinates, single_joint
@@ -397,3 +397,75 @@ def _frames_by_name(model: pin.Model) -> dict[str, int]:
         if frame.name not in indices or frame.type == pin.FrameType.BODY:
             indices[frame.name] = index
     return indices
+
+
+_NONE, _PARTLY, _WHOLLY = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureWrench:
+    """What closures exert on the bodies of their second frames; those of the first ones get the opposite."""
+
+    places: FloatArray  # (n, 3): origins of the second frames, where the forces act [m]
+    forces: FloatArray  # (n, 3): in world axes [N, N m]: what the multipliers that are known make up
+    moments: FloatArray
+    determined: NDArray[np.int_]
+    """(n,): 2 where all multipliers of the closure are known, 1 where some are, 0 where none is."""
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether anything of a closure is known, (n,)."""
+        return np.asarray(self.determined != _NONE)
+
+    @property
+    def whole(self) -> NDArray[np.bool_]:
+        """Whether all of a closure is known, (n,)."""
+        return np.asarray(self.determined == _WHOLLY)
+
+
+class ClosureWrenches:
+    """Turns multipliers of a robot's closures into forces and moments in space."""
+
+    def __init__(self, model: pin.Model, sidecar: Sidecar) -> None:
+        self._kinematics = LoopKinematics(model, sidecar)
+        self._data = Own(model.createData)
+
+    def places(self, q: ArrayLike) -> tuple[list[pin.SE3], list[pin.SE3]]:
+        """Return where the first and the second frames of the closures are, at joints (nq,)."""
+        model, data = self._kinematics.model, self._data.here
+        pin.forwardKinematics(model, data, frozen_array("q", q, (model.nq,)))
+        ends = self._kinematics.ends
+        return [data.oMi[a] * A for a, A, _, _ in ends], [data.oMi[b] * B for _, _, b, B in ends]
+
+    def at(self, q: ArrayLike, multipliers: ArrayLike) -> ClosureWrench:
+        """Return what the closures exert."""
+        k = self._kinematics
+        lambda_ = as_floats("multipliers", multipliers)
+        if lambda_.shape != (k.size,):
+            raise InputError(f"multipliers: expected shape ({k.size},), got {lambda_.shape}")
+        first, second = self.places(q)
+        wrenches, determined = np.zeros((len(first), 6)), np.full(len(first), _PARTLY)
+        for i, rates in enumerate(self._rates(first, second)):
+            own = lambda_[k.rows[i]]
+            known = np.isfinite(own)
+            wrench = rates[known].T @ own[known]
+            wrenches[i] = (wrench.reshape(2, 3) @ first[i].rotation.T).reshape(6)
+            if not known.any() or known.all():
+                determined[i] = _WHOLLY if known.all() else _NONE
+        places = np.array([end.translation for end in second]).reshape(-1, 3)
+        return ClosureWrench(places, wrenches[:, :3], wrenches[:, 3:], determined)
+
+    def _rates(self, first: list[pin.SE3], second: list[pin.SE3]) -> list[FloatArray]:
+        """Return, by closure, the matrix (rows, 6) from the relative motion (ḋ, ω) to the errors' rates."""
+        k = self._kinematics
+        found = [np.eye(6)[: closure.rows] for closure in k.closures]  # of points and frames
+        between = [first[i].actInv(second[i]) for i in k.own]
+        turn = np.zeros((len(between), 3))
+        for i in k.kinds.turning:
+            turn[i] = pin.log3(between[i].rotation)
+        d = np.array([place.translation for place in between]).reshape(-1, 3)
+        axes = np.array([place.rotation for place in between]).reshape(-1, 3, 3)
+        for group in k.kinds.at(d, axes, turn):
+            for number, rates in zip(np.arange(len(between))[group.which], group.A, strict=True):
+                found[k.own[number]] = rates
+        return found

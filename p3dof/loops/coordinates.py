@@ -222,8 +222,6 @@ def rotation_vector(R: FloatArray) -> FloatArray:
 def turned_rates(turn: FloatArray) -> FloatArray:
     """Return the matrices (..., 3, 3) from ω to the rate of the rotation vector of E, where dE/dt = ω × E.
 
-    Notes
-    -----
     The inverse of the left Jacobian of SO(3), 1 - [φ]/2 + (1/φ² - (1 + cos φ)/(2 φ sin φ)) [φ]².
     """
     square = np.sum(turn * turn, axis=-1)
@@ -249,8 +247,6 @@ def turned_rates_dot(turn: FloatArray, omega: FloatArray) -> FloatArray:
 def shortest_turn(cosine: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return an angle over its sine, as a function g(c) of its cosine, and its first two derivatives.
 
-    Notes
-    -----
     (1 - c²) g' = c g - 1. Around zero g = Σ aₖ yᵏ with y = (1 - c)/2, a₀ = 1, aₖ = aₖ₋₁ 2k/(2k + 1).
     """
     c = np.maximum(np.minimum(cosine, 1.0), -1.0)

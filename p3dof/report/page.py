@@ -20,7 +20,6 @@ from p3dof.analysis.reactions import (
     Stiffness,
     how_chosen,
     names_table,
-    of_result,
     open_tables,
     reactions_table,
 )
@@ -63,6 +62,8 @@ def render(
     With a comparison or reactions that are known, what they are made from is not asked for. All else is
     ``title``, ``about``, ``command``, ``page``, ``picture`` and ``date``, which stand around the numbers.
     """
+    from p3dof.analysis.reactions.evaluation import of_result
+
     page_of = template("report.html.j2")
     require("robot", robot, Manipulator)
     words = Heading(**heading).words(TITLE)

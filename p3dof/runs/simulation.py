@@ -209,7 +209,7 @@ class Simulation(RunResult, ShownInNotebook, Tabular):
         InputError
             If the run is from a file, which does not hold its machine.
         """
-        from p3dof.analysis.reactions import of_solution
+        from p3dof.analysis.reactions.evaluation import of_solution
         from p3dof.methods.registry import ManipulatorModel
 
         parameters, solved = self._machine(), cast("Any", self)  # it has joints and forces, as a solution has

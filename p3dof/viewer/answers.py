@@ -10,7 +10,7 @@ import numpy as np
 from p3dof._base.checks import FloatArray, frozen_array, shown
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import ClosedLoopModel, CompiledLoop
-from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.closures import ClosureWrenches
 from p3dof.loops.compiled.following import Settler
 from p3dof.loops.compiled.kept import Method, method_of
 from p3dof.loops.tables import joint_values
@@ -118,7 +118,7 @@ class RobotAnswers:
         self._external = dict(external or {})
         self._compiled = compiled_of(robot, q, self._external, method)
         self._hand = Hand(robot, q, self._compiled)
-        self._wrenches = ClosureWrenches(robot)
+        self._wrenches = ClosureWrenches(robot.model, robot.sidecar)
         model = robot.model
         self._single = [i for i in range(1, model.njoints) if model.nvs[i] == 1 and model.nqs[i] > 0]
 

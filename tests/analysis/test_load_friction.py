@@ -23,7 +23,8 @@ from p3dof.analysis.load_friction import (
     contacts_table,
     read_load_friction,
 )
-from p3dof.analysis.reactions import JOINTS, Stiffness, of_result
+from p3dof.analysis.reactions import JOINTS, Stiffness
+from p3dof.analysis.reactions.evaluation import of_result
 from p3dof.cli import main
 from p3dof.design.assessment import assumptions
 from p3dof.design.bearings import Bearing, Bearings, Guide, bearing_life

@@ -30,12 +30,10 @@ from p3dof.analysis.reactions import (
     Stiffness,
     how_chosen,
     names_table,
-    of_result,
-    of_solution,
     open_tables,
-    over_motion,
     reactions_table,
 )
+from p3dof.analysis.reactions.evaluation import of_result, of_solution, over_motion
 from p3dof.analysis.reactions.results import JointReaction, cuts, loads_of
 from p3dof.cli import main
 from p3dof.cli.output import rich_table

@@ -1,5 +1,7 @@
 """The fastest way along a path: published times, limits that hold in between, friction, power, bad input."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,7 @@ from p3dof import Waypoint
 from p3dof._base.errors import InputError, TaskError
 from p3dof.design import AxisLimits, fastest_plan, forces_of_task
 from p3dof.design.fastest import WayOfMachine
-from p3dof.design.tasks.fastest import DENSE, Points, fastest_law
+from p3dof.design.tasks.fastest import DENSE, Points, Programs, Rows, fastest_law
 from p3dof.design.tasks.files import parse
 from p3dof.design.tasks.laws import SpeedLaw
 from p3dof.methods.utilisation import time_of_peak
@@ -29,6 +31,81 @@ def robot():
 def lossy(robot):
     friction = p3dof.machine.Friction(viscous={"sliders": 40, "joints": 0.02}, coulomb={"sliders": 8})
     return p3dof.load(replace(robot.parameters, friction=friction))
+
+
+# --- linear programs ----------------------------------------------------------------------------------------
+
+
+def program_of(steps, points, seed):
+    """Return a program of steps with three unknowns each, of which neighbours share one."""
+    random = np.random.default_rng(seed)
+    step = np.tile(np.arange(steps), points)
+    parts = [(random.standard_normal((len(step), 3)), random.uniform(0.5, 2, len(step))) for _ in range(4)]
+    within = [(np.eye(3)[[k] * steps], np.full(steps, 9.0)) for k in range(3)]
+    columns = np.column_stack([np.arange(steps), np.arange(1, steps + 1), steps + 1 + np.arange(steps)])
+    cost = -random.uniform(0.1, 1, 2 * steps + 1)
+    return (
+        [(row, bound, step) for row, bound in parts] + [(*one, np.arange(steps)) for one in within],
+        columns,
+        cost,
+    )
+
+
+def alone(parts, columns, cost, box, equal=None):
+    """Return the least cost by SciPy, of a full matrix."""
+    from scipy.optimize import linprog
+
+    def matrix(rows, steps):
+        full = np.zeros((len(rows), len(cost)))
+        np.put_along_axis(full, columns[steps], rows, axis=1)
+        return full
+
+    rows, bounds, steps = (np.concatenate(part) for part in zip(*parts, strict=True))
+    fixed = {} if equal is None else {"A_eq": matrix(equal[0], equal[2]), "b_eq": equal[1]}
+    return linprog(cost, matrix(rows, steps), bounds, bounds=box, method="highs-ds", **fixed).fun
+
+
+def test_programs_one_after_the_other_have_the_optima_of_each_alone():
+    """More rows and other numbers: what is known of the program before may not show in the next."""
+    programs = Programs()
+    equal = np.tile([1.0, -1.0, 0.5], (20, 1)), np.zeros(20), np.arange(20)
+    for points, seed, joined in ((3, 1, False), (5, 1, False), (5, 2, False), (5, 2, True), (3, 1, True)):
+        parts, columns, cost = program_of(20, points, seed)
+        box = np.column_stack([np.full(len(cost), -3.0), np.full(len(cost), np.inf)])
+        rows = Rows()
+        for part in parts:
+            rows.add(*part)
+        if joined:
+            rows.add(*equal, least=0.0)
+        found = programs.solved(cost, rows, columns, box, unit=1.0 + seed)
+        assert cost @ found == pytest.approx(
+            alone(parts, columns, cost, box, equal if joined else None), rel=1e-9
+        )
+        for row, bound, step in parts:
+            assert (np.einsum("ij,ij->i", row, found[columns[step]]) <= bound + 1e-6).all()
+
+
+def test_a_program_without_a_solution_is_an_error_and_the_next_one_has_its_own():
+    programs = Programs()
+    parts, columns, cost = program_of(10, 2, 3)
+    box = np.column_stack([np.full(len(cost), -3.0), np.full(len(cost), np.inf)])
+    best = alone(parts, columns, cost, box)
+    for bounds in (None, -100.0, None):
+        rows = Rows()
+        for row, bound, step in parts:
+            rows.add(row, bound if bounds is None else np.full(len(bound), bounds), step)
+        if bounds is None:
+            assert cost @ programs.solved(cost, rows, columns, box) == pytest.approx(best, rel=1e-9)
+        else:
+            with pytest.raises(TaskError, match="however slowly"):
+                programs.solved(cost, rows, columns, box)
+
+
+def test_the_library_says_nothing_where_tables_go():
+    """One release writes its name as soon as a process begins to use it."""
+    words = "from p3dof.design.tasks.fastest import Programs; Programs()"
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 # --- published numbers --------------------------------------------------------------------------------------

@@ -92,6 +92,25 @@ def test_only_the_job_that_publishes_may_ask_for_an_identity():
     assert {"source", "wheels"} == set(jobs["publish"]["needs"])
 
 
+def test_the_recipe_for_conda_asks_for_what_the_project_does():
+    """`make conda` has rattler-build read it."""
+    recipe = yaml.safe_load((ROOT / ".github/conda/recipe.yaml").read_text("utf-8"))
+    assert recipe["context"]["version"] == PROJECT["version"]
+    assert recipe["about"]["license"] == PROJECT["license"]
+    assert recipe["about"]["license_file"] == PROJECT["license-files"]
+    assert recipe["about"]["summary"] == PROJECT["description"]
+    needs = PROJECT["dependencies"]
+    asked = {re.sub(r"^pin>", "pinocchio>", one).split(";")[0].lower() for one in needs}
+    run = recipe["requirements"]["run"]
+    elsewhere = [one for one in run if isinstance(one, dict)]
+    assert [one["if"] for one in elsewhere] == ["not win"]
+    assert [one.split(";")[1].strip() for one in needs if ";" in one] == ["sys_platform != 'win32'"]
+    found = [*(one for one in run if isinstance(one, str)), elsewhere[0]["then"]]
+    assert found[0] == "python >=${{ python_min }}"
+    assert PROJECT["requires-python"] == f">={recipe['context']['python_min']}"
+    assert {one.replace(" ", "") for one in found[1:]} == asked
+
+
 def test_the_page_of_the_installation_names_every_extra():
     page = (ROOT / "docs/how-to/install.md").read_text("utf-8")
     named = re.findall(r"^\| `([\w-]+)` \|", page, re.MULTILINE)

@@ -12,7 +12,7 @@ from documents import ROOT
 
 import p3dof
 from p3dof._base.errors import NO_PINOCCHIO
-from p3dof.cli import start
+from p3dof.cli import main, start
 
 BLOCKED = """
 import json, sys
@@ -82,6 +82,25 @@ def test_commands_do_without_or_say_what_to_install(command, code, tmp_path):
         assert done.stderr == f"p3dof: error: {NO_PINOCCHIO}\n"
     else:
         assert json.loads(done.stdout.splitlines()[-1]) == []
+
+
+def test_machines_are_designed_without_it(tmp_path, monkeypatch, capsys):
+    """Each command prints, to the last digit, what it does where Pinocchio is installed."""
+    for name, text in start.starting_files().items():
+        (tmp_path / name).write_text(text)
+    for command in (
+        "plan task.yaml --parameters machine.yaml --method compiled --json",
+        "fastest task.yaml --parameters machine.yaml --max-force 300 --method compiled --json",
+        "size task.yaml --drives drives.yaml --method compiled --frictionless --json",
+        "workspace --json",
+    ):
+        done = ran("sys.exit(main(sys.argv[1:]))", *command.split(), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        monkeypatch.chdir(tmp_path)
+        assert main(command.split()) == 0
+        assert json.loads(done.stdout) == json.loads(capsys.readouterr().out)
+    done = ran("sys.exit(main(sys.argv[1:]))", "plan", "task.yaml", "--method", "pinocchio", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (2, f"p3dof: error: {NO_PINOCCHIO}\n")
 
 
 def test_an_error_of_another_module_is_not_taken_for_it():

@@ -9,7 +9,7 @@ import pytest
 
 from p3dof import ClosedLoopModel, Closure, Sidecar
 from p3dof._base.errors import InputError
-from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.closures import ClosureWrenches
 from p3dof.loops.sidecar import KINDS
 
 
@@ -33,7 +33,7 @@ def test_the_wrench_does_the_work_of_the_multipliers(kind):
     guess = pin.integrate(loop.model, pin.neutral(loop.model), np.linspace(-0.5, 0.5, loop.model.nv))
     q = loop.assemble(None, guess).q
     multipliers = np.random.default_rng(1).normal(size=loop.closure_jacobian(q).shape[0])
-    wrench = ClosureWrenches(loop).at(q, multipliers)
+    wrench = ClosureWrenches(loop.model, loop.sidecar).at(q, multipliers)
     assert wrench.whole.all()
     data, model = loop.model.createData(), loop.model
     pin.computeJointJacobians(model, data, q)
@@ -54,7 +54,7 @@ def test_what_is_not_determined_is_left_out_and_told():
     q = loop.assemble(guess=robots.five_bar_q(1.9, 1.2)).q
     found = loop.inverse_dynamics(q, np.zeros(4), np.zeros(4))
     assert found.unique.tolist() == [True, False, True]
-    wrenches = ClosureWrenches(loop)
+    wrenches = ClosureWrenches(loop.model, loop.sidecar)
     part = wrenches.at(q, np.where(found.unique, found.lambda_, np.nan))
     assert part.determined.tolist() == [1]
     whole = wrenches.at(q, found.lambda_)

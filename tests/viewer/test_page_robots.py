@@ -14,7 +14,7 @@ from page_documents import curve_of, matrix, placements, read
 
 import p3dof
 from p3dof._base.errors import InputError
-from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.closures import ClosureWrenches
 from p3dof.runs import simulate_robot
 from p3dof.runs.forces_along import through_ranges
 from p3dof.viewer.document.document import robot_document, robot_hash, slider_ranges
@@ -68,7 +68,7 @@ def test_a_run_has_the_forces_of_actuators_and_closures():
         at = robot.model.idx_vs[robot.model.getJointId(name)]
         np.testing.assert_array_equal(curve_of(found, f"v {name}"), run.v[:, at])
     loads = {load["key"]: load for load in found["loads"]}
-    wrenches = ClosureWrenches(robot)
+    wrenches = ClosureWrenches(robot.model, robot.sidecar)
     for sample in (0, 13, 20):
         lambda_ = robot.forward_dynamics(run.q[sample], run.v[sample], run.forces[sample]).lambda_
         expected = wrenches.at(run.q[sample], lambda_)

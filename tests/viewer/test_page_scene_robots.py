@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from pages import DRAWN, READY, SETTLED, placements
 
 import p3dof
-from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.closures import ClosureWrenches
 from p3dof.runs import simulate_robot
 from p3dof.viewer.document.document import robot_document
 from p3dof.viewer.document.figure import RobotFigure
@@ -60,7 +60,9 @@ def test_a_five_bar_moves_with_the_forces_of_its_closure(browser, tmp_path):
             assert_allclose(placements(watched), fixed(robot.model, run.q[i]), rtol=0, atol=1e-12)
             arrows = {arrow["key"]: arrow for arrow in watched.page.evaluate(DRAWN)}
             lambda_ = robot.forward_dynamics(run.q[i], run.v[i], run.forces[i]).lambda_
-            force = np.linalg.norm(ClosureWrenches(robot).at(run.q[i], lambda_).forces[0])
+            force = np.linalg.norm(
+                ClosureWrenches(robot.model, robot.sidecar).at(run.q[i], lambda_).forces[0]
+            )
             assert arrows["closure 1 force"]["value"] == pytest.approx(force, rel=1e-6)
             assert arrows["closure 1 force"]["drawn"] > 0
         watched.page.locator('#layers input[name="closures"]').click()

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,11 +31,10 @@ from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import FORCE, LENGTH, RATE, Quantity
 from p3dof._base.samples import OnInvalid
 from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
-from p3dof.analysis.reactions import Reactions, Stiffness, of_solution
+from p3dof.analysis.reactions import Reactions, Stiffness
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.paper.formulas import velocities
 from p3dof.closed_form.paper.friction import joint_rates
-from p3dof.loops import ClosedLoopModel
 from p3dof.machine.motion import Motion, WrenchOverTime, states_over
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import LEGS, PASSIVE, SLIDES, Parameters
@@ -49,7 +48,9 @@ from p3dof.methods import (
     with_evidence,
     without_crossings,
 )
-from p3dof.methods import pinocchio as pinocchio_friction
+
+if TYPE_CHECKING:
+    from p3dof.loops import ClosedLoopModel
 
 UNIVERSALS = ("universal_a", "universal_b")
 HINGES = tuple(name for name in PASSIVE if name not in UNIVERSALS)
@@ -453,6 +454,8 @@ def over_motion(
     examine: Callable[[InverseDynamics], tuple[str, ...]] | None = None,
 ) -> LoadFrictionEffect:
     """Return the forces over a motion with friction that depends on the loads of the joints."""
+    from p3dof.analysis.reactions.evaluation import of_solution
+
     require("load_friction", friction, LoadFriction)
     states = states_over(motion, wrench, on_invalid)
     against = _way_of(method, loop, parameters, states)
@@ -477,6 +480,8 @@ def over_motion(
 
 def _way_of(method: str, loop: ClosedLoopModel, parameters: Parameters, states: States) -> _Against:
     """Return how a method finds what friction takes."""
+    from p3dof.methods import pinocchio as pinocchio_friction
+
     ways: Mapping[str, _Against] = {
         "pinocchio": lambda coulomb, known: pinocchio_friction.forces_against(loop, known.joints, coulomb),
         "virtual-power": lambda coulomb, _: virtual_power.forces_against(parameters, states, coulomb),

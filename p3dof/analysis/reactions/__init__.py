@@ -38,7 +38,6 @@ from p3dof.analysis.reactions.comparison import (
     open_tables,
     reactions_table,
 )
-from p3dof.analysis.reactions.evaluation import of_result, of_solution, over_motion
 from p3dof.analysis.reactions.results import (
     ALL,
     IDEALISATIONS,
@@ -89,10 +88,7 @@ __all__ = [
     "Way",
     "how_chosen",
     "names_table",
-    "of_result",
-    "of_solution",
     "open_tables",
-    "over_motion",
     "reactions_table",
     "read_stiffness",
     "ways_of",

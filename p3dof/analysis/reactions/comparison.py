@@ -12,7 +12,7 @@ from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
 from p3dof._base.tables import ShownInNotebook, Table, Tabular, html_of, notebook_html, number, table_of
 from p3dof.analysis.reactions.results import JOINTS, Joint, OpenPeak, Peak, Reactions, largest, peaks_of
-from p3dof.loops.reactions import BoolArray
+from p3dof.loops.linear import BoolArray
 from p3dof.machine.motion import Motion
 
 UNDECIDED = (

@@ -13,7 +13,7 @@ from p3dof._base.checks import FloatArray, Readable
 from p3dof._base.errors import InputError
 from p3dof._base.tables import ShownInNotebook, Tabular
 from p3dof.loops.closure_joints import ClosureJoint
-from p3dof.loops.reactions import BoolArray
+from p3dof.loops.linear import BoolArray
 from p3dof.machine.motion import Motion
 
 Idealisation: TypeAlias = Literal["paper", "points"]

@@ -24,7 +24,6 @@ from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.analysis.designs.columns import OFFSETS
 from p3dof.analysis.designs.figures import outputs
 from p3dof.analysis.reactions import Reactions
-from p3dof.analysis.reactions.evaluation import over_motion
 from p3dof.analysis.reactions.stiffness import RodSection, Stiffness
 from p3dof.analysis.workspace.closed_forms import Sizes, drops, extents
 from p3dof.analysis.workspace.margins import box_margins
@@ -624,6 +623,8 @@ class RodLoad(OfDesigns):
 
 
 def _rods(population: Population, index: int, section: RodSection) -> list[RodCheck]:
+    from p3dof.analysis.reactions.evaluation import over_motion
+
     setting, machine = population.setting, population.designs[index]
     motion, load = setting.motion, setting.wrench
     every = max(1, -(-len(motion) // _SAMPLES))

@@ -21,7 +21,6 @@ Programs one after the other, each at the speeds of the one before, come to a mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -36,6 +35,7 @@ from p3dof.machine.parameters import LEGS
 _SLOW = 1e-6  # share of the largest ṡ² under which speeds count as this one where a limit is linearised
 _FAR = 3.0  # a limit of power that allows so many times the force limit is left to the dense check
 _CREEP = 1e-4  # ṡ² at which the machine hardly moves, but against all dry friction
+_MOST_POINTS = 2**24
 _HARD = "the machine cannot move along the path within the limits, however slowly"
 
 
@@ -84,38 +84,75 @@ class Points:
         return np.asarray(np.max([one.share for one in self.used(law, limits)], axis=(0, 2)))
 
 
-@dataclass
 class Rows:
-    """Rows of a linear program: each a combination of the unknowns of one step, and its upper bound."""
+    """Rows of a linear program: each a combination of the unknowns of one step, and its bounds."""
 
-    entries: list[FloatArray]
-    bounds: list[FloatArray]
-    steps: list[NDArray[np.intp]]
+    def __init__(self) -> None:
+        self._parts: list[tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp], NDArray[np.intp]]] = []
 
-    def add(self, row: FloatArray, bound: FloatArray, step: NDArray[np.intp]) -> None:
+    def add(self, row: FloatArray, bound: FloatArray, step: NDArray[np.intp], least: float = -np.inf) -> None:
         """Take rows (P, m) with bounds (P,) in steps (P,), but those of zeros and those without a bound."""
-        kept = (np.abs(row).max(axis=1) > 0) & np.isfinite(bound)
-        self.entries.append(row[kept])
-        self.bounds.append(bound[kept])
-        self.steps.append(step[kept])
+        (kept,) = np.nonzero((np.abs(row).max(axis=1) > 0) & np.isfinite(bound))
+        own, low = len(self._parts) * _MOST_POINTS + kept, np.full(len(kept), least)
+        self._parts.append((row[kept], low, bound[kept], step[kept], own))
 
-    def scaled(self, columns: NDArray[np.intp], width: int) -> tuple[Any, FloatArray]:
-        """Return a sparse matrix (R, width) and bounds (R,); each step's unknowns are in columns (n, m)."""
-        from scipy.sparse import csr_matrix
+    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.intp], NDArray[np.intp]]:
+        """Return rows (R, m) whose largest entry is 1, their bounds and steps, and what tells them apart."""
+        row, low, high, step, own = (np.concatenate(part) for part in zip(*self._parts, strict=True))
+        scale = np.abs(row).max(axis=1)
+        return row / scale[:, None], low / scale, high / scale, step, own
 
-        entries, bounds = np.concatenate(self.entries), np.concatenate(self.bounds)
-        scale = np.abs(entries).max(axis=1)
-        index = columns[np.concatenate(self.steps)]
-        starts = np.arange(len(entries) + 1) * index.shape[1]
-        matrix = csr_matrix(
-            ((entries / scale[:, None]).ravel(), index.ravel(), starts), shape=(len(entries), width)
-        )
-        return matrix, bounds / scale
+
+class Programs:
+    """Linear programs one after the other: each begins at the basis of the one before."""
+
+    def __init__(self) -> None:
+        import highspy
+
+        self._high, self._model = highspy, highspy.Highs()
+        for name, value in (("output_flag", False), ("threads", 1), ("simplex_strategy", 4)):
+            self._model.setOptionValue(name, value)
+        self._before: Any = None
+
+    def solved(
+        self, cost: FloatArray, rows: Rows, columns: NDArray[np.intp], box: FloatArray, unit: float = 1.0
+    ) -> FloatArray:
+        """Return the unknowns (U,) of the least cost; each step's are in columns (n, m)."""
+        entries, low, high, step, own = rows.scaled()
+        program = self._high.HighsLp()
+        program.num_col_, program.num_row_ = len(cost), len(entries)
+        program.col_cost_, (program.col_lower_, program.col_upper_) = cost, box.T / unit
+        program.row_lower_, program.row_upper_ = low / unit, high / unit
+        matrix = program.a_matrix_
+        matrix.format_ = self._high.MatrixFormat.kRowwise
+        matrix.start_ = np.arange(len(entries) + 1) * entries.shape[1]
+        matrix.index_, matrix.value_ = columns[step].ravel(), entries.ravel()
+        self._model.passModel(program)
+        self._begin(own)
+        self._model.run()
+        if self._model.getModelStatus() != self._high.HighsModelStatus.kOptimal:
+            self._before = None
+            raise TaskError(_HARD)
+        basis = self._model.getBasis()
+        self._before = own, np.array(basis.row_status), basis.col_status
+        return np.asarray(unit * np.array(self._model.getSolution().col_value))
+
+    def _begin(self, own: NDArray[np.intp]) -> None:
+        """Take the basis of the program before; rows that it had not are not at their bounds."""
+        if self._before is None or own[-1] // _MOST_POINTS != self._before[0][-1] // _MOST_POINTS:
+            return  # of other limits
+        known, status, columns = self._before
+        basis = self._high.HighsBasis()
+        found = np.full(len(own), self._high.HighsBasisStatus.kBasic)
+        _, here, there = np.intersect1d(own, known, assume_unique=True, return_indices=True)
+        found[here] = status[there]
+        basis.valid, basis.col_status, basis.row_status = True, columns, found.tolist()
+        self._model.setBasis(basis)
 
 
 def rows_of(points: Points, shape: Shape, limits: AxisLimits, known: PathLaw | None) -> Rows:
     """Return the limits at points, with what is not linear taken at a known law."""
-    found, rows = points.demand, Rows([], [], [])
+    found, rows = points.demand, Rows()
     bias, rest, near = found.bias, found.rest, None
     if known is not None:
         square = known.state(points.step, points.share)[0]
@@ -236,28 +273,6 @@ def _add_jerk(
         rows.add(sign * row + tangent, 1.5 * allowed, points.step)
 
 
-def solved(
-    cost: FloatArray,
-    rows: Rows,
-    columns: NDArray[np.intp],
-    box: FloatArray,
-    joints: Rows | None = None,
-    unit: float = 1.0,
-) -> FloatArray:
-    """Return the unknowns of the least cost; ndarray, shape (U,)."""
-    from scipy.optimize import linprog
-
-    matrix, bounds = rows.scaled(columns, len(cost))
-    equal, values = (None, None) if joints is None else joints.scaled(columns, len(cost))
-    values = None if values is None else values / unit
-    found: Any = linprog(
-        cost, A_ub=matrix, b_ub=bounds / unit, A_eq=equal, b_eq=values, bounds=box / unit, method="highs"
-    )
-    if found.x is None:
-        raise TaskError(_HARD)
-    return np.asarray(unit * found.x)
-
-
 def require_standing(points: Points, limits: AxisLimits) -> None:
     """Raise where the machine needs more than its limit to stand still, or to creep against friction."""
     rest = points.demand.rest
@@ -308,27 +323,26 @@ def fastest_law(nodes: FloatArray, way: Way, limits: AxisLimits) -> SpeedLaw:
     law = None
     if curved and len(nodes) > 20 * _COARSE:  # what is not linear is nearly known from fewer steps
         few = np.append(nodes[:-1:_COARSE], nodes[-1])
-        law = _between(_programs(few, way, limits, None, rough=True), nodes)
-    law = _programs(nodes, way, limits, law)
-    return slowed(law, Points.everywhere(nodes, DENSE, way), limits)
+        law = _between(_programs(few, way, limits), nodes)
+    dense = Points.everywhere(nodes, DENSE, way)
+    return slowed(_programs(nodes, way, limits, law, dense), dense, limits)
 
 
 def _programs(
-    nodes: FloatArray, way: Way, limits: AxisLimits, law: SpeedLaw | None, rough: bool = False
+    nodes: FloatArray, way: Way, limits: AxisLimits, law: SpeedLaw | None = None, dense: Points | None = None
 ) -> SpeedLaw:
-    """Return a law by programs one after the other, with more points where it exceeds a limit."""
-    count = len(nodes) - 1
-    dense = Points.everywhere(nodes, DENSE, way)
+    """Return a law by programs one after the other, with more points where a dense look finds an excess."""
+    count, programs = len(nodes) - 1, Programs()
     curved = way.lossy or not limits.straight
     step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
     points = Points(nodes, step, share, way)
     require_standing(points, limits)
     before, excess, stuck = np.inf if law is None else law.duration, np.inf, 0
     for _ in range(_ROUNDS):
-        law = _next(points, nodes, limits, law)
+        law = _next(programs, points, nodes, limits, law)
         moved, before = abs(law.duration - before), law.duration
         near = not curved or moved < _NEAR * before
-        if rough:
+        if dense is None:
             if near:
                 break
             continue
@@ -345,14 +359,16 @@ def _programs(
     return law
 
 
-def _next(points: Points, nodes: FloatArray, limits: AxisLimits, law: SpeedLaw | None) -> SpeedLaw:
+def _next(
+    programs: Programs, points: Points, nodes: FloatArray, limits: AxisLimits, law: SpeedLaw | None
+) -> SpeedLaw:
     """Return the solution of a program at a known law, or at one so slow that it keeps the limits."""
     try:
-        return _solved(points, nodes, limits, law)
+        return _solved(programs, points, nodes, limits, law)
     except TaskError:
         if law is None:
             raise
-    return _solved(points, nodes, limits, slowed(law, points, limits, _CREEPING))
+    return _solved(programs, points, nodes, limits, slowed(law, points, limits, _CREEPING))
 
 
 def with_worst(
@@ -384,7 +400,9 @@ def slowed(law: _Law, dense: Points, limits: AxisLimits, slowest: float = SLOWES
     return law.slowed(factor)
 
 
-def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedLaw | None) -> SpeedLaw:
+def _solved(
+    programs: Programs, points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedLaw | None
+) -> SpeedLaw:
     """Return the fastest law by one linear program, with what is not linear taken at a known one.
 
     Unknown are ṡ² at the nodes and by how much it bulges in the middle of each step.
@@ -403,7 +421,8 @@ def _solved(points: Points, nodes: FloatArray, limits: AxisLimits, known: SpeedL
     cost = -np.append(gain, 2 / 3 * size) / nodes[-1]
     step = np.arange(count)
     unit = min(1.0, float(nodes[-1] if known is None else known.squares.max()))  # ṡ² grows as the way
-    found = solved(cost, rows, np.column_stack([step, step + 1, count + 1 + step]), box, unit=unit)
+    columns = np.column_stack([step, step + 1, count + 1 + step])
+    found = programs.solved(cost, rows, columns, box, unit)
     squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)
 

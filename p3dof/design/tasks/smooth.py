@@ -62,9 +62,10 @@ def _improved(law: SmoothLaw, way: Way, limits: AxisLimits, settled: float) -> S
     law = fastest.slowed(law, dense, limits, _SLOWEST)
     step, share = np.repeat(np.arange(count), len(_POINTS)), np.tile(_POINTS, count)
     points, left, stuck = fastest.Points(law.nodes, step, share, way), np.inf, 0
+    programs = fastest.Programs()
     for _ in range(_ROUNDS):
         before = law.duration
-        law = _next(law, points, limits)
+        law = _next(programs, law, points, limits)
         moved = abs(law.duration - before)
         if moved > _NEAR * before:
             continue
@@ -79,23 +80,26 @@ def _improved(law: SmoothLaw, way: Way, limits: AxisLimits, settled: float) -> S
     return law
 
 
-def _next(law: SmoothLaw, points: fastest.Points, limits: AxisLimits) -> SmoothLaw:
+def _next(
+    programs: fastest.Programs, law: SmoothLaw, points: fastest.Points, limits: AxisLimits
+) -> SmoothLaw:
     """Return the best law on the way to the solution of a program."""
-    aim = _solved(law, points, limits)
+    aim = _solved(programs, law, points, limits)
     if points.shares(law, limits).max() > 1 + fastest.EXCEEDED:  # with new points it is too fast
         return aim
     return min((law, *(law.mixed(aim, share) for share in _MIX)), key=lambda one: one.duration)
 
 
-def _solved(law: SmoothLaw, points: fastest.Points, limits: AxisLimits) -> SmoothLaw:
+def _solved(
+    programs: fastest.Programs, law: SmoothLaw, points: fastest.Points, limits: AxisLimits
+) -> SmoothLaw:
     """Return the solution of one program, for the time as it changes near a law."""
     nodes, count = law.nodes, len(law.nodes) - 1
     size, step = np.diff(nodes), np.arange(len(law.nodes) - 1)
     rows = fastest.rows_of(points, fastest.Shape(*cubic_shape(points.size, points.share)), limits, law)
     columns = np.column_stack([step, step + 1, count + 1 + step, count + 2 + step, 2 * (count + 1) + step])
     one = np.ones(count)
-    joints = fastest.Rows([], [], [])
-    joints.add(np.column_stack([-one, one, -size, -size, -4 / 3 * size]), np.zeros(count), step)
+    rows.add(np.column_stack([-one, one, -size, -size, -4 / 3 * size]), np.zeros(count), step, least=0.0)
     # The time is the integral of 1/√ṗ², by Simpson's rule; its derivative by ṗ² is -1/2 of the third power.
     cost = np.zeros(3 * count + 2)
     for share, weight in ((0.0, 1 / 6), (0.5, 4 / 6), (1.0, 1 / 6)):
@@ -104,7 +108,7 @@ def _solved(law: SmoothLaw, points: fastest.Points, limits: AxisLimits) -> Smoot
         np.add.at(cost, columns, -(weight * size * square**-1.5 / 2)[:, None] * form)
     free = np.full(2 * count + 1, np.inf)
     box = np.column_stack([np.append(np.zeros(count + 1), -free), np.full(3 * count + 2, np.inf)])
-    found = fastest.solved(cost / np.abs(cost).max(), rows, columns, box, joints)
+    found = programs.solved(cost / np.abs(cost).max(), rows, columns, box)
     return SmoothLaw(
         nodes, found[: count + 1], found[count + 1 : 2 * count + 2], found[2 * count + 2 :], law.length
     )

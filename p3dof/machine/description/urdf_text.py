@@ -162,8 +162,6 @@ def drake(mechanism: Mechanism) -> str:
     inverse dynamics nor its mass matrix know of them. What a URDF has no place for is left to the reader:
     gravity, and a weld of the root to the world. Inertia of motors is that of a rotor with a gear of 1.
 
-    References
-    ----------
     Drake, "Parsing Models for MultibodyPlant", tag drake:ball_constraint.
     """
     joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
@@ -209,8 +207,6 @@ def urdf_plus(mechanism: Mechanism) -> str:
     one, which would be wrong for these sliders. A reader that took ``revolute`` at its word would lock the
     mechanism, which is why it is not written.
 
-    References
-    ----------
     M. Chignoli, J.-J. Slotine, P. M. Wensing, S. Kim, "URDF+: An Enhanced URDF for Robots with Kinematic
     Loops", arXiv 2411.19753. Element names, attributes and types are those that its parser reads:
     github.com/mit-biomimetics/urdfdom, urdf_parser/src/constraint.cpp and joint.cpp at 0425417; used by
@@ -246,8 +242,6 @@ def srdf(mechanism: Mechanism) -> str:
     Groups, the home state, the root fixed to the world, the passive joints, and the pairs of neighbours whose
     contacts do not count: those joined by a joint or by a loop closure. SRDF knows no loops.
 
-    References
-    ----------
     wiki.ros.org/srdf; the reader is github.com/moveit/srdfdom.
     """
     root = ET.Element("robot", name=mechanism.name)

@@ -40,8 +40,6 @@ def usd(mechanism: Mechanism) -> str:
     single precision, angles in degrees. It has no limits of velocity and no inertia of
     motors: they are written for Newton and PhysX.
 
-    References
-    ----------
     openusd.org, UsdPhysics: Rigid Body Physics in USD.
     """
     try:

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from p3dof._base.checks import FloatArray
 from p3dof.loops import ClosedLoopModel, Closure
-from p3dof.loops.closure_joints import ClosureWrenches
+from p3dof.loops.closures import ClosureWrenches
 from p3dof.loops.tables import is_slide
 from p3dof.viewer.document.encoding import GREY, PALETTE, Limit, curve, encoded, load
 from p3dof.viewer.document.motion import JointMotion
@@ -138,7 +138,7 @@ class Transmitted:
         self.known = motion.closing.shape[1] > 0
         if not self.known or not self._closures:
             return
-        wrenches = ClosureWrenches(loop) if wrenches is None else wrenches
+        wrenches = ClosureWrenches(loop.model, loop.sidecar) if wrenches is None else wrenches
         for i, (q, lambda_) in enumerate(zip(motion.q, motion.closing, strict=True)):
             if np.isfinite(q).all():
                 found = wrenches.at(q, lambda_)
