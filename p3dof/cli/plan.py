@@ -14,7 +14,6 @@ from p3dof._base.checks import FloatArray, meant, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import together, write_table
 from p3dof._base.quantities import FORCE, JERK, POWER, SPEED
-from p3dof._base.tables import Table
 from p3dof.cli.app import app
 from p3dof.cli.case import METHOD
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
@@ -157,7 +156,16 @@ class _Asked:
         with progress_bar("forces", len(planned.pieces)) as progress:
             found = forces_of_task(robot, planned, self.method, progress)
         plain = found if planned is given else forces_of_task(robot, given, self.method)
-        elastic = self._elastic(robot, plain, found)
+        elastic = []
+        if self.drive_stiffness is not None:
+            k = self._stiffness
+            with (
+                in_options({"drive_stiffness": "--drive-stiffness"}),
+                progress_bar("vibration", 5) as progress,
+            ):
+                elastic = [modes_table(robot, plain.plan, found.plan, k)]
+                swings = swings_of(robot, plain, found, k, self.shape, progress)
+            elastic.append(swings_table(swings, found.plan))
         written = self._written(found, made)
         console = console_beside(out)
         machine, own = robot.parameters.limits, None
@@ -226,16 +234,6 @@ class _Asked:
             return plan
         with in_options({"drive_stiffness": "--drive-stiffness"}):
             return shaped(plan, shapers_of(robot, plan, self._stiffness, self.shape), self.samples)
-
-    def _elastic(self, robot: Manipulator, plain: TaskForces, found: TaskForces) -> list[Table]:
-        """Return the tables of the machine on elastic drives, if their stiffness is known."""
-        if self.drive_stiffness is None:
-            return []
-        k = self._stiffness
-        with in_options({"drive_stiffness": "--drive-stiffness"}), progress_bar("vibration", 5) as progress:
-            modes = modes_table(robot, plain.plan, found.plan, k)
-            swings = swings_of(robot, plain, found, k, self.shape, progress)
-        return [modes, swings_table(swings, found.plan)]
 
 
 _with_task = as_one("asked", _Asked, *_OPTIONS)

@@ -100,6 +100,15 @@ def test_the_robots_are_what_their_program_builds():
         assert filed == json.loads(json.dumps(make.model(name, build)))
 
 
+@pytest.mark.parametrize(
+    ("other", "same"),
+    [({"a": ["2", "-2e-101"]}, True), ({"a": ["2", "0.0"]}, True), ({"a": ["2", "1e-89"]}, False),
+     ({"a": ["2.0000000000000000000000000000000000000001", "0.0"]}, False), ({"a": ["2"]}, False)],
+)  # fmt: skip
+def test_what_counts_as_the_same(other, same):
+    assert make.same({"a": ["2", "1.5e-99"]}, other) == same
+
+
 @pytest.mark.parametrize("name", slowly(NAMES, QUICK))
 def test_the_references_are_what_their_program_computes(name):
     assert make.differing(name) == []
