@@ -188,9 +188,9 @@ def processor_time() -> float:
 
 def _wait_for_orphans() -> None:
     """Wait for what has ended of a browser's processes: nobody else does."""
-    for stat in Path("/proc").glob("[0-9]*/stat") if "playwright" in sys.modules else ():
+    for process in Path("/proc").iterdir() if "playwright" in sys.modules else ():
         with contextlib.suppress(OSError):
-            pid, rest = stat.read_text().split(" (", 1)
+            pid, rest = (process / "stat").read_text().split(" (", 1)
             name, _, fields = rest.rpartition(") ")
             state, parent = fields.split()[:2]
             if (state, parent) == ("Z", str(os.getpid())) and ("chrom" in name or "headless" in name):
