@@ -227,7 +227,7 @@ _NUMBER = re.compile(r"-?[0-9.]+(e[+-]?[0-9]+)?")
 
 
 def same(one, other, key="") -> bool:
-    """Compare two JSON values: condition numbers to a percent, digits to two, zeros as rounded, else exactly."""
+    """Compare two JSON values: condition numbers to a percent, digits to two, zeros as rounded."""
     if isinstance(one, dict) and isinstance(other, dict):
         return one.keys() == other.keys() and all(
             same(one[name], other[name], "digits" if key == "digits" else name) for name in one

@@ -30,66 +30,6 @@ marked in every sample. There are three ways to them:
 Friction of the joints is part of their reactions, and lies along their freedoms.
 """
 
-from p3dof.analysis.reactions.comparison import (
-    AnyReactions,
-    ReactionsComparison,
-    how_chosen,
-    names_table,
-    open_tables,
-    reactions_table,
-)
-from p3dof.analysis.reactions.results import (
-    ALL,
-    IDEALISATIONS,
-    JOINTS,
-    WAYS,
-    Choice,
-    Idealisation,
-    Joint,
-    JointLoad,
-    JointReaction,
-    OpenPeak,
-    Peak,
-    Reactions,
-    Way,
-    ways_of,
-)
-from p3dof.analysis.reactions.stiffness import (
-    HingeStiffness,
-    Misfit,
-    RodSection,
-    SlideStiffness,
-    Stiffness,
-    UniversalStiffness,
-    read_stiffness,
-)
+from p3dof._base import attach
 
-__all__ = [
-    "ALL",
-    "IDEALISATIONS",
-    "JOINTS",
-    "WAYS",
-    "AnyReactions",
-    "Choice",
-    "HingeStiffness",
-    "Idealisation",
-    "Joint",
-    "JointLoad",
-    "JointReaction",
-    "Misfit",
-    "OpenPeak",
-    "Peak",
-    "Reactions",
-    "ReactionsComparison",
-    "RodSection",
-    "SlideStiffness",
-    "Stiffness",
-    "UniversalStiffness",
-    "Way",
-    "how_chosen",
-    "names_table",
-    "open_tables",
-    "reactions_table",
-    "read_stiffness",
-    "ways_of",
-]
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -109,7 +109,8 @@ class Programs:
     def __init__(self) -> None:
         import highspy
 
-        self._high, self._model = highspy, highspy.Highs()
+        self._high: Any = highspy
+        self._model = self._high.Highs()
         for name, value in (("output_flag", False), ("threads", 1), ("simplex_strategy", 4)):
             self._model.setOptionValue(name, value)
         self._before: Any = None
