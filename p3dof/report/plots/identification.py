@@ -118,7 +118,7 @@ def predicted_figure(found: Identification | Validation, *, ax: Place = None) ->
         axis.set_ylabel(f"{name}\n[{shown.forces.force_units[i]}]")
         tidy(axis)
     axes[-1].set_xlabel("time [s]")
-    axes[0].legend(loc="upper right", ncols=3, fontsize="small")
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False, ncols=3, fontsize="small")
     return figure
 
 
