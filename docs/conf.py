@@ -80,11 +80,13 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 nb_ipywidgets_js = {}
 
-# Kernels for the build alone: no settings of the user, no warning that they talk to this machine in the open.
+# Kernels for the build alone: no settings of the user, no warning that they talk to this machine in the open;
+# figures are in the page from the first one on.
 profile = HERE.parent / "out" / "ipython" / "profile_default"
 profile.mkdir(parents=True, exist_ok=True)
 (profile / "ipython_kernel_config.py").write_text(
-    "get_config().IPKernelApp.log_level = 40\n", encoding="utf-8"
+    "get_config().IPKernelApp.log_level = 40\nget_config().IPKernelApp.matplotlib = 'inline'\n",
+    encoding="utf-8",
 )
 os.environ["IPYTHONDIR"] = str(profile.parent)
 

@@ -2,7 +2,7 @@
 
 In a page, a block of the language
 
-* ``python`` is run; all blocks of a page are one session;
+* ``python`` is run; all blocks of a page are one session; a cell that Sphinx runs is one without its options;
 * ``console`` holds commands after ``$``, in several lines where they end in a backslash: ``p3dof ...`` is run
   and must end with exit code 0, ``> file`` writes it and what ``|`` it is given to is not run,
   ``python -c "..."`` is run, others (``make``, ``pip``) are not; what needs
@@ -26,7 +26,7 @@ from p3dof.methods import engines
 from p3dof.viewer import headless
 
 ROOT = Path(__file__).parents[1]
-_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(r"^```(?:\{code-cell\} )?(\w+)\n(?:---\n.*?^---\n)?(.*?)^```$", re.DOTALL | re.MULTILINE)
 _COMMAND = re.compile(r"^\$ (?:\.venv/bin/)?(p3dof|python -c) (.*)$")
 _FILE = re.compile(r"# ([\w./-]+\.\w+)\n")
 

@@ -14,7 +14,7 @@ import p3dof
 
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "generated" not in path.parts)
-ELSEWHERE = {"gallery.md": "test_gallery.py"}
+ELSEWHERE = {"gallery.md": "test_gallery.py", "examples.md": "test_short_examples.py"}
 """Pages that another test runs, and reads the numbers of."""
 _LONG = "gpu", "better-machines", "choose-drives", "drives-and-bearings", "workspace-and-indices"
 _LONG += ("clearance",)
@@ -70,11 +70,11 @@ def test_what_a_page_says_runs(page, ran):
 
 def test_pages_are_run():
     assert {"index.md", "how-to/your-own-machine.md", "how-to/motion-files.md"} <= set(map(name, TOLD))
-    assert len(TOLD) - len(RUN) == len(WALKED) + len(ELSEWHERE) == 6
+    assert len(TOLD) - len(RUN) == len(WALKED) + len(ELSEWHERE) == 7
     assert sum(len(commands(page)) for page in RUN) >= 10
     for page, test in ELSEWHERE.items():
         (path,) = (ROOT / "tests").glob(f"*/{test}")
-        assert re.search(rf"run\(ROOT / \"docs/.*{page}\"", path.read_text(encoding="utf-8"))
+        assert re.search(rf"(run|blocks)\(ROOT / \"docs/.*{page}\"", path.read_text(encoding="utf-8"))
 
 
 def test_the_parameter_file_is_one(tmp_path):
