@@ -33,7 +33,7 @@ COUNT ?= 300
 GROUPS ?= 0
 ONLY ?=
 
-.PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs fuzz sanitize mutants lowest export
+.PHONY: help demo quick pytest-quick test lint types layers generated pytest slow levels docs pdf fuzz sanitize mutants lowest export
 .PHONY: release-check wheels-check sdist wheels conda sbom lock
 .PHONY: pictures clean page page-check durations benchmark ratios benchmark-table benchmarks public-benchmark
 
@@ -106,6 +106,10 @@ levels: $(DEV) ## compiled kernels as on processors without AVX-512, and without
 docs: $(VENV)/.docs ## build the documentation site into out/docs, and check its links
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d $(OUT)/doctrees docs $(OUT)/docs
 	$(BIN)/pytest -q tests/built_docs.py --site $(OUT)/docs
+
+pdf: $(VENV)/.docs ## print the whole documentation by Chromium, into out/docs/p3dof.pdf
+	$(BIN)/python -m sphinx -W --keep-going -q -b singlehtml -d $(OUT)/doctrees docs $(OUT)/single
+	$(BIN)/python docs/_ext/as_pdf.py $(OUT)/single $(OUT)/docs/p3dof.pdf
 
 fuzz: $(DEV) ## random searches with a fresh seed, which SEED=... repeats
 	@echo "repeat with: make fuzz SEED=$(SEED)"

@@ -89,12 +89,13 @@ def opened(html: str, size: tuple[int, int], shooter: type[Shooter] = Shooter) -
 
 
 @contextmanager
-def _page_of(html: str, **context: Any) -> Iterator[Any]:
+def _page_of(html: str | Path, **context: Any) -> Iterator[Any]:
     with browser_of_system() as browser, scratch_folder() as folder:
-        file = folder / "page.html"
-        file.write_text(html, encoding="utf-8")
+        file = html if isinstance(html, Path) else folder / "page.html"
+        if isinstance(html, str):
+            file.write_text(html, encoding="utf-8")
         page = browser.new_context(offline=True, **context).new_page()
-        page.goto(file.as_uri())
+        page.goto(file.absolute().as_uri())
         yield page
 
 
@@ -110,10 +111,11 @@ def picture_of(
     return aside(take)
 
 
-def pdf_of(html: str) -> bytes:
-    """Return a page as PDF: as its style sheet has it for print, without scripts, with the network off.
+def pdf_of(html: str | Path) -> bytes:
+    """Return a page, or one in a file, as PDF: as its style sheet has it for print.
 
-    With the title and page numbers on each page, an outline of the headings, and tags for screen readers.
+    Without scripts, with the network off; with the title and page numbers on each page, an outline of the
+    headings, and tags for screen readers.
     """
     style = "font: 8px sans-serif; width: 100%; margin: 0 14mm; color: #565656; display: flex; gap: 2em"
     number = "<span class='pageNumber'></span>&nbsp;/&nbsp;<span class='totalPages'></span>"

@@ -177,6 +177,45 @@ def test_times_told_to_choose_by_are_those_that_were_measured():
     assert list(rows) == list(p3dof.methods.METHODS)
 
 
+def test_the_pdf_begins_with_title_contents_and_front_page():
+    etree = pytest.importorskip("lxml.etree", reason="lxml not installed: pip install 'p3dof[shapes]'")
+    from as_pdf import printable
+
+    chapter = """<span id="document-{0}/index"></span><section id="{0}">
+        <h2>{0}<a class="headerlink" href="#{0}">#</a></h2>
+        <p>of {0}</p><div class="toctree-wrapper"><span id="document-{0}/page"></span>
+        <section id="page"><h3>Page of {0}</h3><iframe src="a.html"></iframe></section></div></section>"""
+    chapters = "".join(map(chapter.format, ("guides", "reference")))
+    page = f"""<html><head></head><body><header>menu</header><article><section id="p3dof"><h1>p3dof</h1>
+        <div class="toctree-wrapper">{chapters}</div><p>front page</p></section></article>
+        <script>print()</script></body></html>"""
+    made = etree.HTML(printable(page))
+    found = [
+        "".join(text.itertext()).strip()
+        for text in made.xpath("//article//*[self::h1 or self::h2 or self::h3 or self::p]")
+    ]
+    contents = ["guides", "Page of guides", "reference", "Page of reference"]
+    assert found[0] == "p3dof"
+    assert found[2].endswith(p3dof.__version__)
+    assert found[3:9] == ["Contents", *contents, "front page"]
+    assert found[9:] == [
+        "guides",
+        "of guides",
+        "Page of guides",
+        "reference",
+        "of reference",
+        "Page of reference",
+    ]
+    aims = made.xpath("//div[@id='contents']//a/@href")
+    assert [made.xpath(f"//*[@id='{aim[1:]}']/following-sibling::section[1]/@id")[0] for aim in aims] == [
+        "guides",
+        "page",
+        "reference",
+        "page",
+    ]
+    assert not made.xpath("//iframe | //script | //header | //a[@class='headerlink']")
+
+
 def test_each_guarantee_names_tests_that_are_there():
     text = (DOCS / "explanation/guarantees.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| ") and "guaranteed" not in line]

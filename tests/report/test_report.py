@@ -27,6 +27,7 @@ from p3dof._base.errors import FileError, InputError, MissingExtraError, ReachEr
 from p3dof._base.tables import number
 from p3dof.analysis.reactions import JOINTS
 from p3dof.cli import main
+from p3dof.viewer import headless
 
 NOON = datetime(2024, 5, 6, 12, 0, tzinfo=timezone.utc)
 
@@ -486,6 +487,17 @@ def test_a_pdf_is_printed(tmp_path, capsys):
             ).stdout
             assert re.search(rf"Ä page +{number} ?/ ?{len(boxes)}\s*$", text.decode())
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_pdf_of_a_file_has_the_pictures_beside_it(tmp_path, monkeypatch):
+    find_chromium()
+    image = pytest.importorskip("PIL.Image", reason="Pillow not installed: pip install 'p3dof[viz]'")
+    monkeypatch.chdir(tmp_path)
+    image.new("RGB", (37, 11), "red").save("dot.png")
+    Path("page.html").write_text("<title>Page</title><img src='dot.png' alt='a dot'>", encoding="utf-8")
+    pdf = headless.pdf_of(Path("page.html"))
+    assert pdf.startswith(b"%PDF-")
+    assert b"/Width 37" in pdf
 
 
 @pytest.mark.usefixtures("undrawn")
