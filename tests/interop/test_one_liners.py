@@ -220,7 +220,7 @@ def test_what_a_tool_keeps_and_leaves_out_is_what_the_page_says(row, armed, requ
     assert found[1] in (0, 2)
     assert found[2] in (0, pytest.approx(INERTIA, rel=1e-6))
     for number, words in zip(found, map(str.strip, told), strict=True):
-        assert words.partition(":")[0] in (("kept",) if number else ("left out", "")), row
+        assert words.partition(":")[0] in (("kept",) if number else ("lost", "")), row
     has_mimic = "<mimic " in (armed / re.search(r"`(.+?)`", files)[1]).read_text(encoding="utf-8")
     assert bool(told[1].strip()) == has_mimic
 
@@ -232,7 +232,7 @@ def test_sdf_refuses_the_inertia_of_motors(tmp_path):
     rows = {files: list(map(str.strip, told)) for tool, files, *told in LEFT if tool in WORLDS}
     assert rows == {
         "`p3dof.sdf`": ["kept", "", "refused by the writer"],
-        "`p3dof.urdf`": ["left out", "left out", "left out"],
+        "`p3dof.urdf`": ["lost", "lost", "lost"],
     }
     there = (ROOT / "tests/interop/test_sdformat.py").read_text("utf-8")
     assert "<mimic> and the loops are lost" in there
