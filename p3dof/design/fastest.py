@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +14,7 @@ from p3dof._base.checks import FloatArray, Progress, require, shown
 from p3dof._base.errors import DriveError, InputError, SampleError, TaskError
 from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, percent, table_of
 from p3dof._base.time_series.times import sample_count
-from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics.bodies import slider_motion
 from p3dof.design.drives import Drive, Margins
 from p3dof.design.drives.sizing import Rating, force_ratings, speed_ratings
 from p3dof.design.forces_of_tasks import TaskForces
@@ -26,7 +27,7 @@ from p3dof.design.tasks.plan import Stretch, payloads, planned
 from p3dof.design.tasks.smooth import STARTS, LimitUse, jerk_limited_law, looked_at, uses_of
 from p3dof.design.tasks.task import MotionTask
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import LEGS, SLIDES, Friction, Limits
+from p3dof.machine.parameters import LEGS, Friction, Limits
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
@@ -273,6 +274,7 @@ class WayOfMachine:
     ) -> None:
         self._with_jerk = with_jerk
         self._seen: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        self._looked: list[tuple[FloatArray, FloatArray, Demand]] = []
         bare = replace(robot.parameters, friction=Friction())
         self._lossy, self._bare = robot, Manipulator(bare)
         self._path, self._wrenches, self._mass = path, wrenches, reflected_mass
@@ -284,6 +286,13 @@ class WayOfMachine:
 
     def demand(self, place: FloatArray, middle: FloatArray) -> Demand:
         """Return what is needed at parameters (P,); each is in a step whose middle is given too, (P,)."""
+        for *known, demand in self._looked:
+            if all(map(np.array_equal, known, (place, middle))):
+                return demand
+        self._looked = [(place.copy(), middle.copy(), self._demand(place, middle)), *self._looked[:1]]
+        return self._looked[0][-1]
+
+    def _demand(self, place: FloatArray, middle: FloatArray) -> Demand:
         pose, slope, bend = self._path.at(place)
         none = np.zeros_like(pose)
         piece = np.searchsorted(self._path.at_waypoints, middle, "right") - 1
@@ -293,11 +302,13 @@ class WayOfMachine:
             return np.asarray(self._bare.forces(pose, velocity, acceleration, method="compiled", wrench=load))
 
         rest = forces(none, none)
-        sliders, rate, change = self._sliders(pose, slope, bend)
+        geometry = self._bare.parameters.geometry
+        sliders, rate, change = slider_motion(geometry, pose, slope, bend)
         third = np.full_like(rate, np.nan)
         if self._with_jerk:
             beside = self._path.third(place + _BESIDE * (middle - place))
-            third = third_by_differences(self._sliders, pose, slope, bend, beside, self._path.end)
+            along = partial(slider_motion, geometry)
+            third = third_by_differences(along, pose, slope, bend, beside, self._path.end)
         mass = forces(none, slope) - rest + self._mass * rate
         bias = forces(slope, bend) - rest + self._mass * change
         added = self._bare.parameters.actuators
@@ -313,18 +324,6 @@ class WayOfMachine:
         pose, slope, _ = self._path.at(place)
         self._seen = [(place.copy(), pose, slope), *self._seen[: _KEPT - 1]]
         return pose, slope
-
-    def _sliders(
-        self, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return positions, velocities and accelerations of the sliders, (P, 3) each."""
-        geometry = self._bare.parameters.geometry
-        moved = kinematics.mechanism_motion(geometry, pose, velocity, acceleration)
-        one, two, three = (
-            np.column_stack([of[name] for name in SLIDES])
-            for of in (moved.position, moved.velocity, moved.acceleration)
-        )
-        return one, two, three
 
     def friction(self, place: FloatArray, speed: FloatArray) -> FloatArray:
         """Return what friction adds to the forces, (P, 3) [N], at parameters and speeds ṡ (P,)."""

@@ -147,6 +147,18 @@ def motion_at(geometry: Geometry, placed: Placed) -> MechanismMotion:
     )
 
 
+def slider_motion(
+    geometry: Geometry, pose: FloatArray, velocity: FloatArray, acceleration: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions, velocities and accelerations of the sliders alone, as `mechanism_motion` does."""
+    states, lengths, x = reachable(geometry, states_of(pose, velocity, acceleration))
+    rates = components(states.velocity)
+    v = velocities(lengths, x, rates)
+    a = accelerations(lengths, x, v, rates, components(states.acceleration))
+    one, two, three = (vector_array(of.sliders, states.shape) for of in (x, v, a))
+    return one, two, three
+
+
 def closure_error(geometry: Geometry, motion: MechanismMotion) -> FloatArray:
     """Return how far the loops are open, by (6) the largest of left less right sides, shape (...) [m].
 

@@ -160,7 +160,8 @@ def rows_of(points: Points, shape: Shape, limits: AxisLimits, known: PathLaw | N
         near = np.maximum(square, _SLOW * square.max())
         slope, friction = _friction(points, near)
         bias, rest = bias + slope, rest + friction - slope * near[:, None]
-    rows.add(-shape.square, np.zeros(len(points.share)), points.step)
+    inside = (points.share > 0) & (points.share < 1)  # at nodes ṡ² is an unknown, which has its own bound
+    rows.add(-shape.square, np.where(inside, 0.0, np.inf), points.step)
     for leg in range(3):
         force = found.mass[:, leg, None] * shape.change + bias[:, leg, None] * shape.square
         own = found.rate[:, leg, None] * shape.change + found.change[:, leg, None] * shape.square
@@ -170,7 +171,7 @@ def rows_of(points: Points, shape: Shape, limits: AxisLimits, known: PathLaw | N
             rows.add(row, limits.force[leg] - still, points.step)
         for sign in (1.0, -1.0):
             rows.add(sign * nut, limits.nut_force[leg] - sign * held, points.step)
-        speed = np.full(len(points.share), limits.speed[leg] ** 2)
+        speed = np.where(points.share > 0, limits.speed[leg] ** 2, np.inf)  # where a step begins another ends
         rows.add(found.rate[:, leg, None] ** 2 * shape.square, speed, points.step)
         if near is not None:
             _add_power(rows, points, (*motor[0], shape.square), near, limits, leg)

@@ -20,9 +20,10 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative,
 from p3dof._base.errors import TaskError
 from p3dof._base.time_series import smoothing
 from p3dof.closed_form import kinematics
+from p3dof.closed_form.kinematics.bodies import slider_motion
 from p3dof.design.tasks.laws import eased, quintic
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import SLIDES, Body, Geometry
+from p3dof.machine.parameters import Body, Geometry
 from p3dof.machine.parameters.machine import body_of
 
 
@@ -220,12 +221,13 @@ class Path:
             self.at_waypoints = np.append(0.0, np.cumsum(lengths))
             found, self._unit = smoothing.interpolating(self.at_waypoints, points, 5)
             self._curve: Any = found
+            self._rates: Any = found
             self.breaks: FloatArray = self.at_waypoints
         else:
             self._unit = 1.0
             parts, self.breaks, self.at_waypoints = self._blended(waypoints, points, legs, lengths)
-            corners = BPoly(np.array(parts).transpose(1, 0, 2), self.breaks)
-            self._curve = PPoly.from_bernstein_basis(corners)  # ten times as quick
+            self._curve = BPoly(np.array(parts).transpose(1, 0, 2), self.breaks)  # exact where parts begin
+            self._rates = PPoly.from_bernstein_basis(self._curve)  # ten times as quick
         self.end = float(self.breaks[-1])
         if self._turn is not None:
             self._ways = np.append(0.0, np.cumsum([self._way(a, b) for a, b in self._pieces()]))
@@ -238,7 +240,7 @@ class Path:
         parameter : ndarray, shape (N,)
             From 0 to `end`.
         """
-        found = [np.asarray(self._curve(parameter / self._unit, n)) / self._unit**n for n in range(3)]
+        found = [self._derived(parameter, n) for n in range(3)]
         if self._turn is None:
             return found[0], found[1], found[2]
         start, turn = self._turn
@@ -256,9 +258,7 @@ class Path:
         parameter : ndarray, shape (N,)
             From 0 to `end`.
         """
-        one, two, three = (
-            np.asarray(self._curve(parameter / self._unit, n)) / self._unit**n for n in (1, 2, 3)
-        )
+        one, two, three = (self._derived(parameter, n) for n in (1, 2, 3))
         if self._turn is None:
             return three
         x, slope, bend = self._share(parameter, one, two)
@@ -299,13 +299,18 @@ class Path:
                 middles.append((ends[-2] + ends[-1]) / 2)
         return parts, np.array(ends), np.array([*middles, ends[-1]])
 
+    def _derived(self, parameter: FloatArray, n: int) -> FloatArray:
+        """Return y, z and perhaps θ of the curve, or their derivatives of order n."""
+        curve = self._rates if n else self._curve
+        return np.asarray(curve(parameter / self._unit, n)) / self._unit**n
+
     def _pieces(self) -> list[tuple[float, float]]:
         return list(zip(self.breaks[:-1].tolist(), self.breaks[1:].tolist(), strict=True))
 
     def _way(self, start: float, end: float) -> float:
         """Return the length in y and z of a piece of the curve [m]."""
         middle, half = (start + end) / 2, (end - start) / 2
-        rates = np.asarray(self._curve((middle + half * _NODES) / self._unit, 1)) / self._unit
+        rates = self._derived(middle + half * _NODES, 1)
         return float(half * _WEIGHTS @ np.linalg.norm(rates, axis=1))
 
     def _share(
@@ -316,7 +321,7 @@ class Path:
         starts = self.breaks[piece]
         half = (parameter - starts) / 2
         nodes = starts[:, None] + half[:, None] * (1 + _NODES)
-        rates = np.asarray(self._curve(nodes.ravel() / self._unit, 1)) / self._unit
+        rates = self._derived(nodes.ravel(), 1)
         speeds = np.linalg.norm(rates, axis=1).reshape(nodes.shape)
         total = self._ways[-1]
         speed = np.linalg.norm(first, axis=1)
@@ -362,8 +367,7 @@ class JointPath(Path):
         pose = kinematics.forward_kinematics(self._geometry, way)
         inverse = np.linalg.inv(kinematics.inverse_jacobian(self._geometry, pose))
         first = np.einsum("nij,nj->ni", inverse, slope)
-        bare = kinematics.mechanism_motion(self._geometry, pose, first, np.zeros_like(pose))
-        turned = np.column_stack([bare.acceleration[name] for name in SLIDES])
+        _, _, turned = slider_motion(self._geometry, pose, first, np.zeros_like(pose))
         return pose, first, np.einsum("nij,nj->ni", inverse, bend - turned)
 
 
@@ -414,6 +418,7 @@ class SampledPath(Path):
         kept = _thinned(places)
         self._turn = None
         self._curve, self._unit = smoothing.interpolating(places[kept], poses[kept], 5)
+        self._rates = self._curve
         self.end = float(places[-1])
         self.at_waypoints = self.breaks = np.array([0.0, self.end])
         along = np.asarray(self._curve(places / self._unit, 1)) * metric
