@@ -120,6 +120,18 @@ def tried(what: Path, python: Path, **variables: str) -> str:
     return " ".join(kernels[21:].split())
 
 
+def walked(wheel: Path, python: Path) -> str:
+    """Go through the pages of the readers and the short examples with a wheel alone; return what is told."""
+    needs = ("casadi", "hypothesis", "jsonschema", "nbmake", "numpydoc", "pytest", "pytest-xdist")
+    pages = [ROOT / "tests/house" / f"test_{name}.py" for name in ("first_hour", "short_examples")]
+    with tempfile.TemporaryDirectory() as place:
+        package = f"{wheel}[report,shapes,tables,video,xarray]"
+        programs = environment(Path(place) / "own", python, "-c", ROOT / "constraints.txt", package, *needs)
+        settings = ("-c", ROOT / "pyproject.toml", "-p", "no:cacheprovider", "-q", "-m", "not fuzz")
+        told = run(programs / "python", "-P", "-m", "pytest", *settings, *pages, cwd=Path(place))
+    return told.splitlines()[-1]
+
+
 def main() -> None:
     """Build, compare, look and try."""
     parser = argparse.ArgumentParser(
@@ -152,6 +164,9 @@ def main() -> None:
     for of, python in sorted(found.items()):
         for wheel in (wheel for wheel in wheels if fits(wheel, of)):
             print(f"Python {of[0]}.{of[1]}: {wheel.name}: {tried(wheel, python)}", flush=True)  # noqa: T201
+    for of in [of for of in found if of >= (3, 11)][:1]:  # whose -P keeps the checkout out
+        (wheel,) = (wheel for wheel in wheels if fits(wheel, of) and "py3-none" not in wheel.name)
+        print(f"{wheel.name}, the pages of the readers: {walked(wheel, found[of])}", flush=True)  # noqa: T201
     newest = found[max(found)]
     print(f"{sdist.name} without a compiler: {tried(sdist, newest, **NO_COMPILER)}")  # noqa: T201
 
