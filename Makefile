@@ -84,7 +84,7 @@ page-check: $(DEV) ## is the page what page/ builds, and do its scripts pass the
 pytest: $(DEV) ## all tests
 	$(BIN)/pytest -n auto --dist worksteal
 
-# Of tests over about four seconds, the cases whose fact a quicker one also holds; what was measured to take over 0.8 s.
+# Of tests over about four seconds, the cases whose fact a quicker one also holds; what was measured to take over .6 s.
 slow: $(DEV) ## the tests that `make test` leaves out, for they take long, and the notebooks
 	$(BIN)/pytest -n auto --dist worksteal -m 'slow or long' tests
 	$(BIN)/pytest -n auto notebooks

@@ -21,7 +21,7 @@ import pytest
 TABLE = Path(__file__).with_name("durations.txt")
 BUDGET = 30.0
 """Processor time of all quick tests together [s]."""
-LONGEST = 0.8
+LONGEST = 0.6
 """Processor time of one test, all its cases together, that `make test` runs at most [s]."""
 KEPT = 0.1
 """Tests of less have no row of their own [s]."""
