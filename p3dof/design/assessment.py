@@ -224,7 +224,7 @@ class Assessment(ShownInNotebook, Tabular):
         """All ratings that are known: those that are exceeded, then those that are used most first."""
         found = [*self._of_machine(), *self._of_task(), *self._of_drives(), *self._of_bearings()]
         found += [] if self.clearance is None else of_clearance(self.clearance)
-        return tuple(sorted(found, key=lambda one: (-VERDICTS.index(one.verdict), -one.share)))
+        return tuple(sorted(found, key=lambda one: (-VERDICTS.index(one.verdict), -round(one.share, 9))))
 
     @property
     def worst(self) -> RatingUse:
