@@ -166,7 +166,7 @@ public-benchmark: $(DEV) ## hold every engine that is installed against the publ
 
 # Of the Pythons that are there: the wheels that cibuildwheel makes for all systems, as pyproject.toml has it.
 PYTHONS ?= $(foreach minor,10 11 12 13 14,$(shell python3.$(minor) -c 'import venv' 2>/dev/null && echo python3.$(minor)))
-wheels-check: $(DEV) ## build what is published twice, and try each wheel in an empty environment: half an hour
+wheels-check: $(DEV) ## build what is published twice, and try each wheel in an empty environment: an hour
 	$(BIN)/python tests/wheels.py --out $(OUT)/dist $(PYTHONS)
 # A release: .github/workflows/release.yml makes these targets for a tag, and publishes what is in out/dist.
 release-check: $(DEV) ## do version, changelog, citation and tag agree?
@@ -176,13 +176,8 @@ sdist: $(TOOLS)/.ready ## build the source distribution, and the wheel without t
 	P3DOF_NO_EXTENSION=1 $(TOOLS)/bin/python -m build --outdir $(OUT)/dist .
 	$(TOOLS)/bin/twine check --strict $(OUT)/dist/*
 
-CONDA := import rattler_build as r; recipe = r.Stage0Recipe.from_yaml(open(".github/conda/recipe.yaml").read())
-CONDA += ; variants = r.VariantConfig({"c_compiler": ["gcc"], "c_stdlib": ["sysroot"]})
-CONDA += ; at = lambda name: r.RenderConfig(platform=r.PlatformConfig(target_platform=name))
-CONDA += ; [print(name, *one.recipe.requirements.run, sep="\n  ") for name in ("linux-64", "osx-arm64", "win-64")
-CONDA += for one in recipe.render(variants, at(name))]
 conda: $(TOOLS)/.ready ## have rattler-build read the recipe for conda-forge, and say what it asks for
-	@$(TOOLS)/bin/python -c '$(CONDA)'
+	@$(TOOLS)/bin/python .github/conda/render.py
 
 # For every Python and system of the processor at hand where cibuildwheel can (docker, or macOS), else for this Python.
 wheels: $(TOOLS)/.ready ## build wheels into out/dist

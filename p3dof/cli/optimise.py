@@ -245,11 +245,14 @@ def _write_report(found: Optimum, path: Path) -> None:
     if work is None:
         write_designs(path, compare_designs(machines, problem.setting.motion))
         return
-    drives = work.catalogue
-    if drives is not None:  # with the lead that was found, and margins as they were kept
-        one = work.drive_of(Population(problem.setting, found.design[None]), 0)
-        parts = {"motors": [one.motor], "transmissions": [one.transmission], "gears": [one.gear]}
-        drives = replace(drives, **parts, axes={})
+    drives = None
+    if work.catalogue is not None:  # with the leads of both, and margins as they were kept
+        designs = {"start": np.nan_to_num(problem.start), "optimum": found.design}
+        drives = {}
+        for name, design in designs.items():
+            one = work.drive_of(Population(problem.setting, design[None]), 0)
+            parts = {"motors": [one.motor], "transmissions": [one.transmission], "gears": [one.gear]}
+            drives[name] = replace(work.catalogue, **parts, axes={})
     pages = []
     for k, duty in enumerate(work.tasks, 1):
         told = {duty.task.name or f"task {k}": duty.task}

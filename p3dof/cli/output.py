@@ -286,7 +286,8 @@ def _print_lines(console: Console, title: str, headers: Sequence[str], rows: Seq
     for row in rows:
         lines.append(f"{headers[0]}: {row[0]}" if headers[0].strip() else row[0])
         named = zip(headers[1:], row[1:], strict=True)
-        lines += [f"  {' '.join(header.split())}: {cell.strip()}" for header, cell in named if cell.strip()]
+        labels = ((" ".join(header.split()), cell.strip()) for header, cell in named)
+        lines += [f"  {label}: {cell}" if label else f"  {cell}" for label, cell in labels if cell]
     for line in lines:
         indent = line[: len(line) - len(line.lstrip())]
         for part in _wrapped(line.strip(), indent, console.width):

@@ -196,7 +196,7 @@ def compare_designs(
     *,
     duration: float | None = None,
     fastest: bool = False,
-    drives: Drive | Sequence[Drive] | None = None,
+    drives: Drive | Sequence[Drive] | Mapping[str, Sequence[Drive]] | None = None,
     bearings: Bearings | None = None,
     stiffness: Stiffness | None = None,
     load_friction: LoadFriction | None = None,
@@ -222,7 +222,8 @@ def compare_designs(
     fastest : bool
         Do each task as fast as each machine's own limits allow.
     drives : iterable of Drive, optional
-        Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them.
+        Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them; or, by name, those of
+        each design.
     bearings, stiffness, rest, brake_safety, per_axis, life, frictionless
         As of `assess`.
     load_friction : LoadFriction, optional
@@ -246,6 +247,8 @@ def compare_designs(
     """
     robots = {name: _machine(name, one) for name, one in _named(designs, "designs").items()}
     jobs = _jobs(tasks)
+    if isinstance(drives, Mapping) and drives.keys() != robots.keys():
+        raise InputError(f"drives: expected those of {', '.join(robots)}, got {', '.join(map(str, drives))}")
     if len(robots) * len(jobs) < 2:
         raise InputError("designs: expected at least two machines, or one machine and two tasks")
     if len(robots) * len(jobs) > _MOST * max(len(jobs), 1) or len(jobs) > _MOST:
@@ -270,7 +273,7 @@ def compare_designs(
             assess(
                 robot,
                 forces,
-                drives=drives,
+                drives=drives[name] if isinstance(drives, Mapping) else drives,
                 bearings=bearings,
                 stiffness=stiffness,
                 limits=_limits(robot, jobs[job]),

@@ -300,13 +300,14 @@ def static_loads(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the largest static forces (3,), when, least and largest moved masses (2, 3), last holding."""
     times, forces, masses = [], [], []
-    for parameters, motion in _loaded(robot, found):
+    for piece, (parameters, motion) in enumerate(_loaded(robot, found)):
         rows = np.linspace(0, len(motion) - 1, min(len(motion), _POSES)).round().astype(int)
         poses = motion.pose[np.unique(rows)]
         machine = Manipulator(replace(parameters, friction=Friction()))
         still = np.zeros_like(poses)
         when = motion.time[np.unique(rows)]
-        when[0] = np.nextafter(when[0], np.inf)  # of this piece, not of the one before it
+        if piece:
+            when[0] = np.nextafter(when[0], np.inf)  # of this piece, not of the one before it
         times.append(when)
         forces.append(machine.forces(poses, still, still, method="compiled"))
         jacobian = np.linalg.inv(machine.jacobian(poses, method="compiled"))

@@ -81,12 +81,12 @@ def test_tables_fit_or_become_lines(capsys, monkeypatch, box, encoding):
 
 
 def test_narrow_rows_become_lines(capsys):
-    table = Table("actuator", "lowest \\[N]", "highest \\[N]", title="forces")
-    table.add_row("A", "-118.4980", "103.5000")
-    table.add_row("B", "", "3.0000")
+    table = Table("actuator", "lowest \\[N]", "highest \\[N]", "", title="forces")
+    table.add_row("A", "-118.4980", "103.5000", "")
+    table.add_row("B", "", "3.0000", "weak")
     print_table(Console(width=20), table)
     expected = "forces\nactuator: A\n  lowest [N]:\n      -118.4980\n  highest [N]:\n      103.5000\n"
-    assert capsys.readouterr().out == expected + "actuator: B\n  highest [N]:\n      3.0000\n"
+    assert capsys.readouterr().out == expected + "actuator: B\n  highest [N]:\n      3.0000\n  weak\n"
 
 
 def test_a_plan_stays_a_table_at_eighty_columns(tmp_path, capsys, monkeypatch):

@@ -118,6 +118,21 @@ def test_one_machine_with_itself_is_no_better():
     assert all((measure.differences == 0).all() for measure in found.measures)
 
 
+def test_each_machine_may_have_drives_of_its_own():
+    own = {"a": list(GENERIC)[:1], "b": list(GENERIC)[-1:]}
+    (found,) = p3dof.compare_designs(
+        dict.fromkeys(own, p3dof.PAPER), TASK, duration=1.0, drives=own, samples=401, frictionless=True
+    )
+    alone = p3dof.design.forces_of_task(p3dof.load(), TASK.plan(1.0, 401))
+    for k, drives in enumerate(own.values()):
+        (best,) = p3dof.size_drives(p3dof.load(), alone, drives, frictionless=True)
+        torques = [axis.rms_torque for axis in best.axes]
+        assert found["rms torque of the motors"].values[k] == pytest.approx(max(torques), rel=1e-12)
+    assert found["rms torque of the motors"].best is not None
+    with pytest.raises(InputError, match=r"drives: expected those of a, b, got a$"):
+        p3dof.compare_designs(dict.fromkeys("ab", p3dof.PAPER), TASK, duration=1.0, drives={"a": own["a"]})
+
+
 def test_tasks_of_one_machine_and_the_fastest():
     light = p3dof.Task((*TASK.waypoints[:2], p3dof.Waypoint([0, 0, 0])))
     slow = p3dof.load(dataclasses.replace(p3dof.PAPER, limits=p3dof.machine.Limits(force=150.0)))

@@ -385,3 +385,34 @@ def test_a_file_with_tasks_tells_motor_and_screw(
     assert "9 combinations" in told
     changes = optimum_tables(optimum)[0]
     assert {row[0]: row[2] for row in changes.rows}["motor"] == optimum.problem.choice["motor"]
+
+
+def test_the_report_compares_each_machine_with_its_own_lead(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    p3dof.design.tasks.write_task(task(), "task.yaml")
+    motor, screw = MOTORS[-1], {"name": "16x10", "diameter": 0.0127, "length": 0.5, "lead": 0.01}
+    fields = ("name", "rated_torque", "peak_torque", "max_speed", "rated_speed", "inertia", "brake_torque")
+    motors = [{field: getattr(motor, field) for field in fields}]
+    Path("drives.yaml").write_text(yaml.safe_dump({"motors": motors, "screws": [screw]}))
+    data = {
+        "tasks": [{"file": "task.yaml", "duration": "2 s", "samples": 41}],
+        "drives": "drives.yaml",
+        "variables": {"lead": ["6 mm", "16 mm"]},
+        "objectives": ["rms_torque"],
+    }
+    Path("problem.yaml").write_text(yaml.safe_dump(data))
+    assert main(["optimise", "problem.yaml", "--starts", "1", "--report", "better.html"]) == 0
+    assert "Margins" not in capsys.readouterr().out  # there is no constraint
+    (lead,) = p3dof.design.optimisation.read_problem("problem.yaml").minimise(starts=1).design
+    (found,) = p3dof.compare_designs(
+        {"start": p3dof.PAPER, "optimum": p3dof.PAPER}, task(), duration=2.0, samples=41,
+        drives={"start": [Drive(motor, SCREWS[1])], "optimum": [Drive(motor, replace(SCREWS[1], lead=lead))]},
+    )  # fmt: skip
+    one, other = found["rms torque of the motors"].values
+    page = Path("better.html").read_text(encoding="utf-8")
+    assert f"{100 * (other / one - 1):+.1f} %" in page
+    assert f"{motor.name} + 16x10<" in page
+    assert f"{motor.name} + 16x10, lead {1e3 * lead:.4g} mm<" in page
+    assert "e-324" not in page  # of the rest at the beginning

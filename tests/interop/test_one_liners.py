@@ -43,11 +43,7 @@ DEBIAN = ("check_urdf", "libsdformat")
 """Whose version is Debian's."""
 WORLDS = ("libsdformat",)
 """Whose line is one of a world's file."""
-HERE = {
-    **os.environ,
-    "PYTHONPATH": str(ROOT),
-    "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-}
+HERE = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 def test_the_table_has_all_tools():

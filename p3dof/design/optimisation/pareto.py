@@ -10,7 +10,7 @@ Y. Haimes, L. Lasdon, D. Wismer, IEEE Trans. Systems, Man, Cybernetics 1 (1971) 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -307,7 +307,9 @@ _COMBINATIONS = 20  # most combinations in a table
 
 def optimum_tables(optimum: Optimum) -> list[Table]:
     """Return what changed against the machine that there was, what binds, and how it was checked."""
-    found = [_changes(optimum), _limits(optimum), _checks(optimum)]
+    changes, limits = _changes(optimum), _limits(optimum)
+    asked = [changes, limits] if limits.rows else [replace(changes, note=limits.note)]
+    found = [*asked, _checks(optimum)]
     found += [_bodies(optimum)] if optimum.problem.solids else []
     return [*found, *([_combinations(optimum)] if optimum.combinations else [])]
 

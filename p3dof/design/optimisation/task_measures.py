@@ -275,7 +275,9 @@ def with_lead(drive: Drive, lead: float) -> Drive:
     """Return a drive with another lead of its screw; efficiency and inertia stay as they are given."""
     if not isinstance(drive.transmission, Screw):
         raise InputError(f"lead: {drive.transmission.name} is no screw")
-    return replace(drive, transmission=replace(drive.transmission, lead=lead))
+    screw = drive.transmission
+    name = screw.name if lead == screw.lead else f"{screw.name}, lead {1e3 * lead:.4g} mm"
+    return replace(drive, transmission=replace(screw, name=name, lead=lead))
 
 
 def duties_of(population: Population, name: str) -> Duties:
