@@ -304,8 +304,8 @@ def fastest(
 
     TASK may be a motion file (CSV): its path is kept, and the durations of its rests.
 
-    The limits are those of the task file, and else force and speed of the parameter file; an option replaces
-    them. They also hold between the grid points: a table lists the utilisation of each limit, and when it is
+    The limits are those of the task file and of the parameter file, the tighter; an option replaces them.
+    They also hold between the grid points: a table lists the utilisation of each limit, and when it is
     active. With --drive the peak torque over speed, speeds and power of that drive are limits too, less its
     margins, and its rms torque, heat and lives are looked at as by 'size'. The files written are those of
     'plan'. Exit code 1 when another limit of the machine is exceeded, such as its stroke, or of the drive.

@@ -67,7 +67,7 @@ def fastest_plan(
         What it has to do, or a motion whose path it has to take.
     limits : AxisLimits, optional
         Limits of the actuators. Without it those of the task, and force and speed of the
-        machine's `p3dof.machine.Limits` where the task gives none.
+        machine's `p3dof.machine.Limits`, the tighter.
     nodes : int, optional
         Steps along each way, closer together at its ends; 400, with a jerk 150, without it.
     samples : int
@@ -152,9 +152,11 @@ def chosen_limits(robot: Manipulator, task: Task, limits: AxisLimits | None) -> 
 
 
 def limits_of(robot: Manipulator, task: Task, **others: ArrayLike | None) -> AxisLimits:
-    """Return the limits of a task, with force and speed of the machine where it gives none."""
-    own = robot.parameters.limits
-    found = {"force": own.force, "speed": own.speed, **task.limits}
+    """Return the limits of a task; of its force and speed and the machine's, the tighter."""
+    own, found = robot.parameters.limits, dict(task.limits)
+    for name, most in (("force", own.force), ("speed", own.speed)):
+        if most is not None:
+            found[name] = np.minimum(most, found.get(name, np.inf))
     given = {name: value for name, value in others.items() if value is not None}
     return AxisLimits(**(found | given))
 

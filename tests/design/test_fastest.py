@@ -159,6 +159,12 @@ def test_more_nodes_come_nearer(robot):
     assert errors[2] < errors[0] / 4
 
 
+def test_more_nodes_come_nearer_with_dry_friction_too(lossy):
+    """The last step is then 1e-7 of the way: a tolerance of the programs is a force there."""
+    times = [fastest_plan(lossy, LINE, AxisLimits(300, 2), nodes=n).duration for n in (200, 400, 800)]
+    assert 0 < times[1] - times[2] < (times[0] - times[1]) / 1.8
+
+
 # --- the limits hold ----------------------------------------------------------------------------------------
 
 

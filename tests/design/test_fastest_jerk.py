@@ -187,6 +187,16 @@ def test_limits_of_the_task_count(robot):
     assert fastest_plan(robot, parse(text), nodes=60).duration == pytest.approx(0.2735, abs=3e-4)
 
 
+def test_of_the_limits_of_task_and_machine_the_tighter_count(robot):
+    slow = p3dof.load(replace(robot.parameters, limits=p3dof.machine.Limits(speed=0.3)))
+    text = dump(LINE) + "limits: {force: 500, speed: [1, 0.2, 1]}\n"
+    plan = fastest_plan(slow, parse(text), nodes=60)
+    top = np.abs(forces_of_task(slow, plan).slider_velocities).max(axis=0)
+    assert (top <= [0.3001, 0.2001, 0.3001]).all()
+    assert plan.duration == fastest_plan(slow, LINE, AxisLimits(500, (0.3, 0.2, 0.3)), nodes=60).duration
+    assert plan.duration > fastest_plan(robot, parse(text), nodes=60).duration
+
+
 BAD = {
     "jerk: expected above zero, got 0": lambda _: AxisLimits(1, 1, jerk=0),
     "jerk: expected above zero, got -1": lambda _: AxisLimits(1, 1, jerk=[1, -1, 1]),
