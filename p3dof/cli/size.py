@@ -127,6 +127,10 @@ def size(
     nearest = "" if best.fits else "comes nearest, but "
     told = verdict(best, lambda time: found.piece_at(time).name)
     print_plain(console, f"{best.name} {nearest}{told}")
+    machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None
+    within = within_limits(found, machine, own)
+    if not within:
+        print_plain(console, "the task exceeds limits of the machine or its own, whatever a drive bears")
     for words in caveats(best):
         print_plain(console, words)
     if found is not bare:
@@ -140,11 +144,7 @@ def size(
         show(console, supply_table(best.supply), notes=True)
     if stopped:
         show(console, stops_table(stopped), notes=True)
-    machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None
     show(console, sizing_table(found, machine, own), notes=True)
-    within = within_limits(found, machine, own)
-    if not within:
-        print_plain(console, "the task exceeds limits of the machine or its own, with any drive")
     if catalogue_file is None:
         print_plain(console, "generic sizes, for a first look only: give the makers' numbers with --drives")
     written = write_results(
