@@ -54,7 +54,8 @@ from p3dof.machine.description.mechanism import Box, Cylinder, Sphere
 from p3dof.machine.description.shapes import Solids
 from p3dof.machine.motion import Motion
 from p3dof.machine.parameters import Dimensions, Parameters
-from p3dof.machine.parameters.machine import named, read_fields
+from p3dof.machine.parameters.machine import named, read_fields, read_sizes
+from p3dof.machine.parameters.solids import sizes_given
 from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
@@ -147,8 +148,7 @@ class Surroundings(Readable):
     payload, obstacles : sequence of CollisionShape
         What is fixed to the platform, and to the frame.
     dimensions : mapping of str to float
-        Sizes of the machine's solids, by the names of `Dimensions` [m]; the others in proportion to the
-        paper's.
+        Sizes of the machine's solids that differ from its own, by the names of `Dimensions` [m].
     ignored : sequence of pair of str
         Pairs of parts that are not looked at, by their names.
 
@@ -171,12 +171,7 @@ class Surroundings(Readable):
                 if not isinstance(one, CollisionShape):
                     raise ParameterError(f"{name}: expected a CollisionShape, got {shown(one)}")
             object.__setattr__(self, name, shapes)
-        known = [item.name for item in fields(Dimensions)]
-        if not isinstance(self.dimensions, Mapping):
-            raise ParameterError(f"dimensions: expected sizes by name, got {shown(self.dimensions)}")
-        for name in self.dimensions:
-            if name not in known:
-                raise ParameterError(f"dimensions: expected {', '.join(known)}, got {shown(name)}")
+        object.__setattr__(self, "dimensions", sizes_given(self.dimensions))
         object.__setattr__(self, "ignored", _pairs(self.ignored))
         names = [*_BODIES, *(one.name for one in (*self.payload, *self.obstacles))]
         for name in names:
@@ -233,12 +228,7 @@ def read_surroundings(path: Source) -> Surroundings:
             _read_shape(row, f"{source}: {name}" + f"[{k}]" * (given is rows), usual)
             for k, row in enumerate(rows)
         ]
-    sizes = [item.name for item in fields(Dimensions)]
-    dimensions = read_fields(data.get("dimensions", {}), f"{source}: dimensions", (), sizes)
-    parts["dimensions"] = {
-        name: positive(f"{source}: dimensions.{name}", LENGTH.read(value, name), ParameterError)
-        for name, value in dimensions.items()
-    }
+    parts["dimensions"] = read_sizes(data.get("dimensions", {}), source)
     parts["ignored"] = data.get("ignored", [])
     return named(source, lambda: Surroundings(**parts))
 
@@ -282,18 +272,13 @@ class _Part(NamedTuple):
 class CollisionModel:
     """The parts of one machine with its surroundings, and their distances at poses."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        surroundings: Surroundings | None = None,
-        dimensions: Dimensions | None = None,
-    ) -> None:
+    def __init__(self, parameters: Parameters, surroundings: Surroundings | None = None) -> None:
         self.around = around = Surroundings() if surroundings is None else surroundings
-        size = Dimensions.scaled(parameters.geometry) if dimensions is None else dimensions
         self.geometry = parameters.geometry
         import pinocchio as pin
 
-        self.parts = _parts_of(parameters, around, replace(size, **around.dimensions))
+        sizes = {**parameters.dimensions, **around.dimensions}
+        self.parts = _parts_of(replace(parameters, dimensions=sizes), around)
         self.pairs = self._looked_at(around)
         solids = [(one, number) for number, part in enumerate(self.parts) for one in part.solids]
         self._solids = [one for one, _ in solids]
@@ -466,13 +451,13 @@ class CollisionModel:
         return float(self._pin.computeDistance(self._model, self._data, row).min_distance)
 
 
-def _parts_of(parameters: Parameters, around: Surroundings, size: Dimensions) -> tuple[_Part, ...]:
+def _parts_of(parameters: Parameters, around: Surroundings) -> tuple[_Part, ...]:
     """Return all parts, in the body frames of `mechanism_motion`."""
-    visuals, geometry = Solids(parameters, size).visuals, parameters.geometry
+    visuals, size, shift = Solids(parameters).visuals, parameters.sizes, [-parameters.geometry.r, 0.0]
     parts = []
     for name in _BODIES:
         if name == _PLATFORM:  # its link has its frame at C5, the body at P
-            solids: tuple[_Solid, ...] = (_plate(visuals[name], size, np.array([-geometry.r, 0.0])),)
+            solids: tuple[_Solid, ...] = (_plate(visuals[name], size, np.array(shift)),)
         else:  # both cross-bars are alike, in the frames of their bodies
             drawn = visuals["crossbar_upper" if name == "crossbar_lower" else name]
             solids = tuple(

@@ -566,8 +566,7 @@ def test_the_table_has_what_was_found(robot):
 
 
 def test_solids_of_given_sizes_are_drawn_with_them():
-    size = replace(Dimensions.scaled(PAPER.geometry), rod_radius=0.007)
-    (leg,) = Solids(PAPER, size).visuals["leg_a"]
+    (leg,) = Solids(replace(PAPER, dimensions={"rod_radius": 0.007})).visuals["leg_a"]
     assert leg.shape.radius == 0.007
     assert Solids(PAPER).visuals["leg_a"][0].shape.radius == 0.01
 
@@ -731,10 +730,10 @@ def test_measures_of_space_are_those_of_each_machine(robot):
     design = np.array([0.42, 0.008, 0.006])
     found = problem.evaluate(design)
     geometry = replace(PAPER.geometry, L=0.42)
-    machine = replace(PAPER, geometry=geometry)
+    machine = replace(PAPER, geometry=geometry, dimensions={"rod_radius": 0.008})
     pose = motion.pose + np.array([design[2], 0.0, 0.0])
-    size = replace(Dimensions.scaled(geometry), rod_radius=0.008)
-    model = CollisionModel(machine, around, size)
+    size = Dimensions.scaled(geometry)
+    model = CollisionModel(machine, around)
     assert found["motion_clearance"][0] == model.distances(pose).min()
     low, high = model.sweep(pose)
     assert found["height"][0] == pytest.approx(high[2] - low[2], rel=1e-12)

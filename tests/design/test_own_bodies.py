@@ -61,7 +61,10 @@ def test_what_nobody_gave_is_of_solids():
     again = Parameters.from_dict(yaml.safe_load(yaml.safe_dump(SOLIDS.to_dict())), "a file")
     assert problem(again).solids == KINDS
     light = of_solids(density={"platform": 2700.0})
-    assert problem(light).solids == ("slider", "leg", "crossbar")
+    assert problem(light).solids == KINDS  # of its own metals
+    made = problem(light).machine([0.26, 0.45, 0.008]).bodies
+    assert made.leg_a.mass == pytest.approx(STEEL * np.pi * 0.008**2 * 0.45, rel=1e-12)
+    assert made.platform.mass == pytest.approx(light.bodies.platform.mass, rel=1e-12)
 
 
 @pytest.mark.parametrize(

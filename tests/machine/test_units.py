@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -397,7 +397,9 @@ def test_lengths_alone_and_solids():
         f"{lengths}bodies: solids\ndensity: {{platform: 2.7 g/cm^3}}\ndimensions: {{rod_radius: 8 mm}}"
     )
     sizes = p3dof.machine.Dimensions(rod_radius=0.008)
-    assert dump(light) == dump(p3dof.of_solids(dimensions=sizes, density={"platform": 2700}))
+    whole = replace(light, dimensions=asdict(sizes))
+    assert dump(whole) == dump(p3dof.of_solids(dimensions=sizes, density={"platform": 2700}))
+    assert light.dimensions == {"rod_radius": 0.008}
     assert light.bodies.platform.mass == pytest.approx(
         p3dof.SOLIDS.bodies.platform.mass * 2700 / 7801, rel=1e-15
     )

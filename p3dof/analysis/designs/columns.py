@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
@@ -16,7 +17,6 @@ from p3dof.machine.parameters import (
     PAPER,
     PASSIVE,
     SLIDES,
-    STEEL_DENSITY,
     Actuators,
     Bodies,
     Body,
@@ -185,8 +185,9 @@ class Designs:
     bodies : {"kept", "solids"}
         Keep the bodies of `machine`, whatever the lengths are, or compute them anew from their solids, as
         `p3dof.of_solids` does, by columns of ``slider_edge``, ``rod_radius``, ``plate_thickness``,
-        ``corner_radius`` and ``density``; sizes without a column are the paper's, scaled to the lengths of
-        each design. Columns of ``bodies`` replace numbers of either.
+        ``corner_radius`` and ``density``. Without a column they are those given in `machine`, else the
+        paper's sizes, scaled to the lengths of each design, and steel. Columns of ``bodies`` replace numbers
+        of either.
 
     Raises
     ------
@@ -346,12 +347,17 @@ def members_of(name: str) -> list[str]:
     return [name]
 
 
+def numbers_of_solids(machine: Parameters) -> dict[str, float]:
+    """Return sizes and density of a machine's solids by the names of columns; NaN where densities differ."""
+    found = {f"dimensions.{name}": size for name, size in asdict(machine.sizes).items()}
+    some = {*machine.density.values()}
+    return found | {DENSITY: some.pop() if len(some) == 1 else math.nan}
+
+
 def number_in(machine: Parameters, name: str) -> float:
-    """Return what a column replaces in a machine, the first of several; NaN of sizes of solids."""
-    if name == DENSITY:
-        return STEEL_DENSITY
+    """Return what a column replaces in a machine, the first of several; NaN where they differ."""
     none = 0.0 if name.partition(".")[0] in ("payload", "offset", "friction", "actuators") else np.nan
-    return numbers_of(machine).get(members_of(name)[0], none)
+    return (numbers_of(machine) | numbers_of_solids(machine)).get(members_of(name)[0], none)
 
 
 SIZES_OF = {
@@ -379,9 +385,9 @@ def solids_among(
         if bodies == "kept":
             return ()
         sizes = {name.partition(".")[2]: size for name, size in fixed.items() if name in SIZES}
-        size = replace(Dimensions.scaled(machine.geometry), **sizes)
+        told = _of_sizes(machine.unladen, sizes, fixed.get(DENSITY))
         likely = [PAPER.bodies, of_solids(machine.geometry).bodies]
-        likely.append(of_solids(machine.geometry, size, fixed.get(DENSITY, STEEL_DENSITY)).bodies)
+        likely += [machine.unladen.solid.bodies, told.solid.bodies]
         own = machine.unladen.bodies
         return tuple(
             kind
@@ -416,6 +422,12 @@ def kept_columns(machine: Parameters, solids: Collection[str], known: Collection
     return found
 
 
+def _of_sizes(machine: Parameters, sizes: Mapping[str, float], density: float | None) -> Parameters:
+    """Return a machine with other sizes and perhaps another density of its solids."""
+    by_kind = machine.density if density is None else dict.fromkeys(KINDS, density)
+    return replace(machine, dimensions={**machine.dimensions, **sizes}, density=by_kind)
+
+
 def _alike(one: Body, other: Body) -> bool:
     """Whether two bodies are the same but for rounding in a file."""
     rows = [(b.mass, *b.com, *b.inertia.ravel()) for b in (one, other)]
@@ -433,11 +445,7 @@ def _machine(numbers: dict[str, float], base: Parameters, bodies: BodiesOfDesign
     limits = _limits(base.limits, parts("limits."))
     machine = replace(base, geometry=geometry, limits=limits)
     if bodies == "solids":
-        sizes = replace(Dimensions.scaled(geometry), **parts("dimensions."))
-        made = of_solids(geometry, sizes, numbers.get(DENSITY, STEEL_DENSITY))
-        machine = replace(machine, bodies=made.bodies)
-        for payload in base.payloads:
-            machine = machine.carrying(payload)
+        machine = _of_sizes(machine, parts("dimensions."), numbers.get(DENSITY)).solid
     links = {
         name: _replaced(body, {**_of_kind(name, parts), **parts(f"bodies.{name}.")})
         for name, body in machine.bodies.items()

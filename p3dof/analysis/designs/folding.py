@@ -7,7 +7,7 @@ of the same trace.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -31,21 +31,12 @@ from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Actuated, Moments, fold_actuators, fold_moments, moments_of
 from p3dof.closed_form.compiled.reduced.dynamics import folded
 from p3dof.closed_form.paper.formulas import Lengths
-from p3dof.machine.parameters import LINKS, SLIDES, STEEL_DENSITY, Body, Dimensions, Parameters
+from p3dof.machine.parameters import LINKS, SLIDES, Body, Dimensions, Parameters
 from p3dof.machine.parameters.body import Inertial, inertials, numbers
 from p3dof.machine.parameters.solids import inertials_of_solids, scales
 
 _MASSLESS = Inertial(0, (0, 0, 0), ((0, 0, 0), (0, 0, 0), (0, 0, 0)))
 _FUNCTION = Callable[..., tuple[Any, ...]]
-
-
-class SolidSizes(NamedTuple):
-    """Sizes of solids, numbers or symbols; see `Dimensions`."""
-
-    slider_edge: Scalar
-    rod_radius: Scalar
-    plate_thickness: Scalar
-    corner_radius: Scalar
 
 
 class Folded(NamedTuple):
@@ -100,7 +91,7 @@ class Folding:
         return [name for name in self.inputs if name in SIZES and name not in columns]
 
     def _sizes(self, columns: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the sizes without a column: those of the paper, scaled as `Dimensions.scaled` does."""
+        """Return sizes that follow from the lengths: the paper's, scaled as `Dimensions.scaled` does."""
         derived = self._derived(columns)
         if not derived:
             return {}
@@ -162,10 +153,11 @@ def _moments(
     inputs: dict[str, Symbol], lengths: Lengths, machine: Parameters, bodies: BodiesOfDesigns, tape: Tape
 ) -> dict[str, Moments]:
     if bodies == "solids":
-        by_kind = inertials_of_solids(
-            lengths, _sizes(inputs, machine, tape), inputs.get(DENSITY, STEEL_DENSITY)
-        )
-        links = {link: by_kind[kind] for kind, several in KINDS.items() for link in several}
+        own = asdict(machine.sizes)
+        if any(name in inputs for name in LENGTHS):  # sizes that follow from these are symbols, too
+            follow = {f"dimensions.{name}" for name in own.keys() - machine.dimensions.keys()}
+            inputs.update({name: tape.symbol(name, constant=True) for name in sorted(follow - inputs.keys())})
+        links = _links(lengths, own, inputs, machine)
         carried = [_inertial(payload) for payload in machine.payloads]
     else:
         links, carried = inertials(machine.bodies), []
@@ -189,26 +181,21 @@ def solids_of(columns: Mapping[str, Any], machine: Parameters) -> dict[str, Iner
     """Return the bodies of designs by link, made of solids, before columns replace numbers or arrays (D,)."""
     r, R, L, b = (columns.get(name, getattr(machine.geometry, name[-1])) for name in LENGTHS)
     ratio = np.min(np.broadcast_arrays(*scales(r, R, L, b)), axis=0)
-    default = Dimensions()
-    sizes = SolidSizes(
-        *(columns.get(name, ratio * getattr(default, name.partition(".")[2])) for name in SIZES)
-    )
-    lengths = Lengths(r, R, L, b, np.sqrt((L - R + r) * (L + R - r)))
-    by_kind = inertials_of_solids(lengths, sizes, columns.get(DENSITY, STEEL_DENSITY))
-    found = {link: by_kind[kind] for kind, several in KINDS.items() for link in several}
+    own = {item: ratio * size for item, size in asdict(Dimensions()).items()} | dict(machine.dimensions)
+    found = _links(Lengths(r, R, L, b, np.sqrt((L - R + r) * (L + R - r))), own, columns, machine)
     if machine.payloads:
         found["platform"] = _joined([found["platform"], *map(_inertial, machine.payloads)])
     return found
 
 
-def _sizes(inputs: dict[str, Symbol], machine: Parameters, tape: Tape) -> SolidSizes:
-    """Return the sizes of solids; those without a column are symbols, too, where lengths have columns."""
-    scaled = Dimensions.scaled(machine.geometry)
-    if any(name in inputs for name in LENGTHS):
-        for name in SIZES:
-            if name not in inputs:
-                inputs[name] = tape.symbol(name, constant=True)
-    return SolidSizes(*(inputs.get(name, getattr(scaled, name.partition(".")[2])) for name in SIZES))
+def _links(
+    lengths: Lengths, own: Mapping[str, Any], columns: Mapping[str, Any], machine: Parameters
+) -> dict[str, Inertial]:
+    """Return bodies of solids by link; sizes without a column are one's `own`."""
+    size = {name: columns.get(f"dimensions.{name}", value) for name, value in own.items()}
+    density = dict.fromkeys(KINDS, columns[DENSITY]) if DENSITY in columns else machine.density
+    by_kind = inertials_of_solids(lengths, size, density)
+    return {link: by_kind[kind] for kind, several in KINDS.items() for link in several}
 
 
 def _given(inputs: Mapping[str, Symbol], prefix: str) -> dict[str, Symbol]:

@@ -22,8 +22,9 @@ from p3dof.analysis.designs.columns import (
     full_name,
     members_of,
     numbers_of,
+    numbers_of_solids,
 )
-from p3dof.machine.parameters import PAPER, STEEL_DENSITY, Dimensions, Parameters
+from p3dof.machine.parameters import PAPER, Parameters
 
 
 class HasParameters(Protocol):
@@ -81,18 +82,15 @@ def direction_of(
         raise InputError(f"{known}: bodies of solids follow from their sizes and density; let {DENSITY} vary")
     if known in (*SIZES, DENSITY) and bodies == "kept":
         raise InputError(f"{known}: sizes need bodies of solids: bodies='solids'")
-    numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
+    numbers = numbers_of(machine) | numbers_of_solids(machine) | dict(fixed)
+    if np.isnan(numbers.get(known, 0.0)):
+        raise InputError(f"{known}: differs by kind of body in the machine: expected one of all in fixed")
     unit = QUANTITIES[known].unit
     members = members_of(known)
     nominal = numbers.get(members[0], 0.0)
     if known.endswith(".mass") and known != "payload.mass":
         return Direction(known, nominal, unit, _with_inertia(known, members, numbers))
     return Direction(known, nominal, unit, dict.fromkeys(members, 1.0))
-
-
-def _of_solids(machine: Parameters) -> dict[str, float]:
-    sizes = Dimensions.scaled(machine.geometry)
-    return {name: getattr(sizes, name.partition(".")[2]) for name in SIZES} | {DENSITY: STEEL_DENSITY}
 
 
 def _with_inertia(name: str, members: list[str], numbers: Mapping[str, float]) -> dict[str, float]:
@@ -116,7 +114,7 @@ def columns_of_directions(
     fixed: Fixed = MappingProxyType({}),
 ) -> dict[str, FloatArray]:
     """Return columns of designs that are moved along directions; dict of str to ndarray, shape (D,)."""
-    numbers = numbers_of(machine) | _of_solids(machine) | dict(fixed)
+    numbers = numbers_of(machine) | numbers_of_solids(machine) | dict(fixed)
     told = dict.fromkeys((*(SIZES if bodies == "solids" else ()), *fixed))
     columns: dict[str, FloatArray] = {name: np.full(len(moved), numbers[name]) for name in told}
     for direction, change in zip(directions, moved.T, strict=True):

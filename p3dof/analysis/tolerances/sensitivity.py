@@ -400,7 +400,7 @@ def sensitivity(
     bodies : {"kept", "solids"}
         Keep the bodies whatever the lengths are, or compute them anew from solids.
     fixed : mapping of str to float or str, optional
-        Numbers that are not those of the machine: sizes of its solids, where they are not the paper's scaled.
+        Numbers that are not those of the machine, such as sizes and density of its solids.
     wrench : array-like or callable, optional
         External force and moment on the platform, as of `Manipulator.inverse_dynamics`.
     rows : int

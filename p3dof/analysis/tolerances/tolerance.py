@@ -104,8 +104,7 @@ def tolerance(
         For forces: keep the bodies whatever the lengths are, or compute them anew from solids, whose sizes
         and density may vary then.
     fixed : mapping of str to float or str, optional
-        For forces: numbers that are not those of the machine. A machine does not know the sizes of its
-        solids: where they are not the paper's, scaled to its lengths, they must be told here.
+        For forces: numbers that are not those of the machine, such as sizes and density of its solids.
     wrench : array-like or callable, optional
         External force and moment on the platform, as of `Manipulator.inverse_dynamics`.
     worst : float

@@ -49,7 +49,7 @@ from p3dof.design.tasks.limits import AxisLimits, Demand
 from p3dof.loops import ClosedLoopModel
 from p3dof.machine import description
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import Dimensions, Parameters
+from p3dof.machine.parameters import Parameters
 from p3dof.methods.pinocchio import armature_of
 
 _BLOCK = 64  # designs whose forces at all samples are in the memory at a time
@@ -686,10 +686,7 @@ class OfSweep(OfDesigns):
 
     def _one(self, population: Population, index: int) -> FloatArray:
         setting, machine = population.setting, population.designs[index]
-        sizes = {name: population.columns.get(f"dimensions.{name}") for name in Dimensions.__annotations__}
-        given = {name: float(column[index]) for name, column in sizes.items() if column is not None}
-        size = replace(Dimensions.scaled(machine.geometry), **given)
-        model = CollisionModel(machine, setting.surroundings, size)
+        model = CollisionModel(machine, setting.surroundings)
         shift = [float(population.columns[n][index]) if n in population.columns else 0.0 for n in OFFSETS]
         pose = setting.motion.pose + np.array(shift)
         if self.name == "motion_clearance":

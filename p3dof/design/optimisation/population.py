@@ -41,7 +41,7 @@ from p3dof.closed_form.compiled.formulas import MODEL
 from p3dof.closed_form.compiled.reduced import Model
 from p3dof.design.clearance import Surroundings
 from p3dof.machine.motion import Motion
-from p3dof.machine.parameters import STEEL_DENSITY, Dimensions, Parameters
+from p3dof.machine.parameters import Dimensions, Parameters
 from p3dof.machine.parameters.solids import scales
 
 GRID = (9, 13)  # poses along y and θ
@@ -217,7 +217,7 @@ class Numbers:
             if shared == members:
                 return self[column]
         solids = self._setting.bodies == "solids" and name.startswith((DENSITY, "bodies."))
-        if name == DENSITY and solids:
+        if name == DENSITY and solids and len(set(machine.density.values())) == 1:
             return self.density
         if solids or name == DENSITY:
             raise InputError(f"{name}: has no number of its own: expected it in variables or in fixed")
@@ -248,8 +248,9 @@ class Numbers:
 
     @property
     def density(self) -> Any:
-        """Of the solids [kg/m³]."""
-        return self._columns[DENSITY][:, None] if DENSITY in self._columns else STEEL_DENSITY
+        """Of the solids of legs and rods [kg/m³]."""
+        own = self._setting.machine.density["leg"]
+        return self._columns[DENSITY][:, None] if DENSITY in self._columns else own
 
     def size(self, name: str) -> Any:
         """Return a size of solids, such as ``rod_radius`` [m]."""
@@ -260,6 +261,8 @@ class Numbers:
         full = f"dimensions.{name}"
         if full in self._columns:
             return self._columns[full][:, None]
+        if name in (own := self._setting.machine.dimensions):
+            return own[name]
         L, r, b, width = scales(self.r, self.R, self.L, self.b)
         ratio = np.minimum(np.minimum(np.minimum(L, r), b), width)
         return ratio * getattr(Dimensions(), name)

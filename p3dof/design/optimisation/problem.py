@@ -166,12 +166,12 @@ class DesignProblem(Statement):
         What has no column, and the design to begin with; the paper's machine by default.
     bodies : {"kept", "solids"} or mapping of str to these
         Keep the bodies of `machine`, or compute them anew from solids of each design; see `Designs`. Bodies
-        of one's own, which are neither the paper's nor steel solids of the machine's lengths, are kept even
+        of one's own, which are neither the paper's nor solids of the machine's lengths, are kept even
         then, unless a size of their solid varies. By kind (``slider``, ``leg``, ``crossbar``,
         ``platform``), those that are left out are kept.
     fixed : mapping of str to float, optional
-        Columns that are the same for all designs, such as sizes of solids which would else scale with the
-        lengths.
+        Columns that are the same for all designs, such as sizes of solids which would else be those given
+        in `machine`, or scale with the lengths.
     wrench : array-like, shape (6,) or (N, 6), or callable, optional
         External force and moment on the platform at P [N, N m]; see `Manipulator.inverse_dynamics`.
     modulus : float

@@ -18,7 +18,7 @@ from p3dof._base.blocks import Block, Normal, Samples
 from p3dof._base.blocks.problem import whole
 from p3dof._base.checks import FloatArray, Readable, positive, shown
 from p3dof._base.errors import InputError
-from p3dof.analysis.designs.columns import QUANTITIES, SIZES, full_name, members_of, numbers_of
+from p3dof.analysis.designs.columns import DENSITY, QUANTITIES, SIZES, full_name, members_of, numbers_of
 from p3dof.analysis.designs.figures import FigureGroup
 from p3dof.analysis.tolerances.directions import amount_of, direction_of
 from p3dof.design.optimisation.measures import measure_of
@@ -206,12 +206,13 @@ def _base(column: str, setting: Setting) -> float:
     """Return the number of a column that is no variable."""
     if column in setting.fixed:
         return float(setting.fixed[column])
-    if column in SIZES:
+    if column in SIZES and column.partition(".")[2] not in setting.machine.dimensions:
         raise InputError(
             f"sigma: {column} follows from the lengths: give it in `fixed`, or make it a variable"
         )
-    direction = direction_of(column, setting.machine, setting.bodies) if column == "density" else None
-    return direction.nominal if direction else numbers_of(setting.machine).get(column, 0.0)
+    if column in (*SIZES, DENSITY):
+        return direction_of(column, setting.machine, setting.bodies).nominal
+    return numbers_of(setting.machine).get(column, 0.0)
 
 
 def _unit_points(robust: Robust) -> FloatArray:

@@ -17,14 +17,7 @@ from p3dof._base.blocks import digest
 from p3dof._base.checks import FloatArray, positive, shown
 from p3dof._base.errors import InputError
 from p3dof._base.time_series.wrenches import WrenchOverTime
-from p3dof.analysis.designs.columns import (
-    SIZES,
-    BodiesOfDesigns,
-    full_name,
-    kept_columns,
-    number_in,
-    solids_among,
-)
+from p3dof.analysis.designs.columns import BodiesOfDesigns, full_name, kept_columns, number_in, solids_among
 from p3dof.analysis.designs.results import DesignStatus
 from p3dof.closed_form.compiled.designs import compiled_level
 from p3dof.closed_form.compiled.kernels import NUMPY
@@ -57,7 +50,7 @@ from p3dof.design.optimisation.task_measures import (
 )
 from p3dof.design.tasks import Task
 from p3dof.machine.motion import Motion, paper_motion
-from p3dof.machine.parameters import PAPER, Dimensions, Parameters
+from p3dof.machine.parameters import PAPER, Parameters
 
 
 def settings_of(setting: Setting, asked: Asked) -> dict[str, Any]:
@@ -281,12 +274,7 @@ class Statement:
         """The variables of `machine` (n,), to begin with; NaN where it does not tell them."""
         machine, found = self.setting.machine, []
         for name in self.variables.names:
-            group, _, last = name.partition(".")
-            if group == "geometry":
-                found.append(float(getattr(machine.geometry, last)))
-            elif name in SIZES:
-                found.append(float(getattr(Dimensions.scaled(machine.geometry), last)))
-            elif name == LEAD:
+            if name == LEAD:
                 found.append(float(getattr(self.setting.duties.drive.transmission, "lead", np.nan)))
             else:
                 found.append(number_in(machine, name))

@@ -43,11 +43,10 @@ _ALONG = {
 
 
 class Solids:
-    """Visuals and collisions of every link, with sizes in proportion to the paper's unless some are given."""
+    """Visuals and collisions of every link, with the sizes of its solids."""
 
-    def __init__(self, parameters: Parameters, dimensions: Dimensions | None = None) -> None:
-        geometry = parameters.geometry
-        size = Dimensions.scaled(geometry) if dimensions is None else dimensions
+    def __init__(self, parameters: Parameters) -> None:
+        geometry, size = parameters.geometry, parameters.sizes
         edge, b = size.slider_edge, geometry.b
         start, end = trimmed(parameters, size, 0.0)
         leaning = trimmed(parameters, size, 1 - (geometry.R - geometry.r) / geometry.L)

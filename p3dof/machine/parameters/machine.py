@@ -37,6 +37,9 @@ mass alone, ``payload: 2 kg``, at P or at its ``com``. Or the bodies are compute
     density: 2700 kg/m^3                        # optional: of all, or {platform: 2700, ...}; steel by default
     dimensions: {rod_radius: 8 mm}              # optional: the others in proportion to the paper's
 
+Beside bodies that are given, these two change no force: parts are drawn and have their distances by them, and
+designs are made of solids by them.
+
 Numbers are in SI units, or have one of their own, in lists each by itself::
 
     geometry: {r: 100 mm, R: 250 mm, L: 40 cm, b: 50 mm}
@@ -88,7 +91,14 @@ from p3dof._base.quantities import (
 from p3dof._base.tables import ShownInNotebook
 from p3dof.machine.parameters.actuators import Actuators, Friction, Geometry, Limits
 from p3dof.machine.parameters.body import LINKS, SLIDES, Bodies, Body
-from p3dof.machine.parameters.solids import KINDS, STEEL_DENSITY, Dimensions, bodies_of_solids
+from p3dof.machine.parameters.solids import (
+    KINDS,
+    STEEL_DENSITY,
+    Dimensions,
+    bodies_of_solids,
+    density_by_kind,
+    sizes_given,
+)
 
 _ANYWAY = "--any-size, or any_size=True, takes it as it is"
 _METRES = f"lengths are in metres; did you mean '{{:g}} mm'? ({_ANYWAY})"
@@ -107,19 +117,22 @@ _WHOLE = ("mass", "com", "inertia")
 _FRICTION = {"viscous": (SLIDE_DAMPING, HINGE_DAMPING), "coulomb": (FORCE, MOMENT)}
 _ACTUATORS = {"armature": MASS, "counterbalance": FORCE, "spring": STIFFNESS, "counterweight": MASS}
 _SLIDES = {"sliders", *SLIDES}
-_SOLIDS = ("density", "dimensions")
 _T = TypeVar("_T")
 
 
 def read_parts(data: Any, source: str, any_size: bool) -> tuple[dict[str, Any], list[Body]]:
     """Return the parts of a machine, and what it carries."""
-    parts_of = ("geometry", "bodies", "limits", "gravity", "friction", "actuators", "payload", *_SOLIDS)
-    data = read_fields(data, source, ("geometry",), parts_of)
+    parts_of = ("geometry", "bodies", "limits", "gravity", "friction", "actuators", "payload")
+    data = read_fields(data, source, ("geometry",), (*parts_of, "density", "dimensions"))
     geometry = _record(data["geometry"], f"{source}: geometry", Geometry, _GEOMETRY, ("r", "R", "L"))
     if not any_size:
         _require_size(geometry, f"{source}: geometry")
-    bodies = _solids(data, source, geometry) or _bodies(data["bodies"], f"{source}: bodies")
-    parts: dict[str, Any] = {"geometry": geometry, "bodies": bodies}
+    parts: dict[str, Any] = {"geometry": geometry, **_solids(data, source)}
+    if data["bodies"] == "solids":
+        bodies = named(source, lambda: bodies_of_solids(**parts))
+    else:
+        bodies = _bodies(data["bodies"], f"{source}: bodies")
+    parts["bodies"] = bodies
     if "limits" in data:
         parts["limits"] = _record(data["limits"], f"{source}: limits", Limits, _LIMITS)
     if "gravity" in data:
@@ -197,18 +210,13 @@ def _require_size(geometry: Geometry, where: str) -> None:
         )
 
 
-def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies | None:
-    """Return bodies of solids, where a file asks for these."""
-    if data.get("bodies") != "solids":
-        if "bodies" not in data:
-            raise ParameterError(
-                f"{source}: the field 'bodies' is missing: give mass, com and inertia of each, or "
-                "'bodies: solids' for bodies of steel in proportion to the paper's"
-            )
-        for name in _SOLIDS:
-            if name in data:
-                raise ParameterError(f"{source}: {name}: expected with 'bodies: solids' only")
-        return None
+def _solids(data: Mapping[str, Any], source: str) -> dict[str, Mapping[str, float]]:
+    """Return sizes of solids that a file gives, and the densities of all kinds."""
+    if "bodies" not in data:
+        raise ParameterError(
+            f"{source}: the field 'bodies' is missing: give mass, com and inertia of each, or "
+            "'bodies: solids' for bodies of steel in proportion to the paper's"
+        )
     density = data.get("density", STEEL_DENSITY)
     if isinstance(density, Mapping):
         density = {
@@ -218,11 +226,16 @@ def _solids(data: Mapping[str, Any], source: str, geometry: Geometry) -> Bodies 
         density = MASS_DENSITY.read(density, f"{source}: density")
     if not isinstance(density, Mapping) and 0 < density < _LIGHTEST:
         warn_caller(f"{source}: density = {density:g} kg/m^3 (g/cm^3?)")
-    whole = named(source, lambda: asdict(Dimensions.scaled(geometry)))
-    given = data.get("dimensions", {})
-    sizes = {**whole, **given} if isinstance(given, Mapping) else given
-    dimensions = _record(sizes, f"{source}: dimensions", Dimensions, dict.fromkeys(whole, LENGTH))
-    return named(source, lambda: bodies_of_solids(geometry, dimensions, density))
+    sizes = read_sizes(data.get("dimensions", {}), source)
+    return {"dimensions": sizes, "density": named(source, lambda: density_by_kind(density))}
+
+
+def read_sizes(data: Any, source: str) -> Mapping[str, float]:
+    """Return some sizes of solids [m]."""
+    where = f"{source}: dimensions"
+    data = read_fields(data, where, (), [item.name for item in fields(Dimensions)])
+    sizes = {name: LENGTH.read(value, f"{where}.{name}") for name, value in data.items()}
+    return named(source, lambda: sizes_given(sizes))
 
 
 def _bodies(data: Any, where: str) -> Bodies:
@@ -351,11 +364,18 @@ class Parameters(FrozenArrays, ShownInNotebook):
         What the joints lose; nothing by default.
     actuators : Actuators
         Reflected inertia and counterbalance at the sliders; none by default.
+    dimensions : mapping of str to float
+        Sizes of the solids that are given, by the names of `Dimensions` [m]; the others are the paper's,
+        scaled to the geometry.
+    density : mapping of str to float
+        Densities of solids by kind (slider, leg, crossbar, platform), steel else [kg/m³]. Neither changes
+        `bodies`: parts are drawn and have their distances by them, and designs are made of solids by them.
 
     Raises
     ------
     ParameterError
-        If a field has the wrong type, or gravity is not three finite numbers.
+        If a field has the wrong type, gravity is not three finite numbers, or a size or density is not
+        positive.
     """
 
     geometry: Geometry
@@ -364,6 +384,8 @@ class Parameters(FrozenArrays, ShownInNotebook):
     gravity: FloatArray = (0.0, 0.0, -9.806)  # type: ignore[assignment]
     friction: Friction = field(default_factory=Friction)
     actuators: Actuators = field(default_factory=Actuators)
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    density: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         kinds = {
@@ -378,6 +400,21 @@ class Parameters(FrozenArrays, ShownInNotebook):
                 got = type(getattr(self, name)).__name__
                 raise ParameterError(f"{name}: expected {kind.__name__}, got {got}")
         object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ParameterError))
+        object.__setattr__(self, "dimensions", sizes_given(self.dimensions))
+        object.__setattr__(self, "density", density_by_kind(self.density))
+
+    @property
+    def sizes(self) -> Dimensions:
+        """Sizes of the solids: those given, and the paper's, scaled to the geometry [m]."""
+        return Dimensions.scaled(self.geometry, **self.dimensions)
+
+    @property
+    def solid(self) -> Parameters:
+        """The machine with every body computed from its solid, and what it carries."""
+        made = replace(self, bodies=bodies_of_solids(self.geometry, self.dimensions, self.density))
+        for payload in self.payloads:
+            made = made._laden(payload)
+        return made
 
     def carrying(self, payload: Body | float | str) -> Parameters:
         """Return the machine with a payload fixed to its platform, besides what it carries already.
@@ -421,7 +458,7 @@ class Parameters(FrozenArrays, ShownInNotebook):
         -------
         dict
             With the names and the nesting of the parameter file, in SI units; each link has its own entry. No
-            friction, no actuators and no payload if the machine has none.
+            friction, no actuators and no payload if the machine has none; of solids only what is given.
         """
         limits = {
             name: list(value) if isinstance(value, tuple) else value
@@ -437,6 +474,10 @@ class Parameters(FrozenArrays, ShownInNotebook):
             data["friction"] = self.friction.to_dict()
         if self.actuators:
             data["actuators"] = self.actuators.to_dict()
+        if self.dimensions:
+            data["dimensions"] = dict(self.dimensions)
+        if (density := dict(self.density)) != dict.fromkeys(KINDS, STEEL_DENSITY):
+            data["density"] = density
         payloads = [body.to_dict() for body in self.payloads]
         if payloads:
             data["payload"] = payloads[0] if len(payloads) == 1 else payloads
@@ -566,8 +607,10 @@ def of_solids(
     ):
         if value is not None and not isinstance(value, kind):
             raise ParameterError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
-    geometry = geometry or Geometry()
-    return Parameters(geometry, bodies_of_solids(geometry, dimensions, density), limits or Limits())
+    geometry, given = geometry or Geometry(), {} if dimensions is None else asdict(dimensions)
+    by_kind = density_by_kind(density)
+    made = bodies_of_solids(geometry, given, by_kind)
+    return Parameters(geometry, made, limits or Limits(), dimensions=given, density=by_kind)
 
 
 def _paper() -> Parameters:

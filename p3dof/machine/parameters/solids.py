@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, frozen_array, positive, shown
 from p3dof._base.errors import ParameterError
-from p3dof.machine.parameters.actuators import Geometry
+from p3dof.machine.parameters.actuators import Coefficients, Geometry
 from p3dof.machine.parameters.body import (
     Bodies,
     Body,
@@ -62,10 +62,34 @@ class Dimensions:
             object.__setattr__(self, item.name, value)
 
     @classmethod
-    def scaled(cls, geometry: Geometry) -> Dimensions:
-        """Return the paper's sizes times the smallest ratio of a geometry to its lengths: they fit."""
+    def scaled(cls, geometry: Geometry, **given: float) -> Dimensions:
+        """Return sizes given, else the paper's times the smallest ratio of a geometry to its lengths."""
         ratio = min(scales(geometry.r, geometry.R, geometry.L, geometry.b))
-        return cls(*(ratio * item.default for item in fields(cls)))
+        return cls(**{item.name: given.get(item.name, ratio * item.default) for item in fields(cls)})
+
+
+def sizes_given(given: Mapping[str, float]) -> Coefficients:
+    """Return sizes by the names of `Dimensions`, checked [m]."""
+    known = [item.name for item in fields(Dimensions)]
+    if not isinstance(given, Mapping):
+        raise ParameterError(f"dimensions: expected sizes by name, got {shown(given)}")
+    for name in given:
+        if name not in known:
+            raise ParameterError(f"dimensions: expected {', '.join(known)}, got {shown(name)}")
+    return Coefficients(
+        {name: positive(f"dimensions.{name}", size, ParameterError) for name, size in given.items()}
+    )
+
+
+def density_by_kind(given: float | Mapping[str, float]) -> Coefficients:
+    """Return the densities of all kinds, of one for all or of some kinds, steel else [kg/m³]."""
+    some: Mapping[Any, Any] = given if isinstance(given, Mapping) else dict.fromkeys(KINDS, given)
+    for kind in some:
+        if kind not in KINDS:
+            raise ParameterError(f"density: unknown kind {shown(kind)}, expected one of {', '.join(KINDS)}")
+    return Coefficients(
+        {kind: positive("density", some.get(kind, STEEL_DENSITY), ParameterError) for kind in KINDS}
+    )
 
 
 def scales(r: Scalar, R: Scalar, L: Scalar, b: Scalar) -> tuple[Scalar, ...]:
@@ -138,20 +162,11 @@ def _three(name: str, value: object) -> FloatArray:
 
 
 def bodies_of_solids(
-    geometry: Geometry,
-    dimensions: Dimensions | None = None,
-    density: float | Mapping[str, float] = STEEL_DENSITY,
+    geometry: Geometry, dimensions: Mapping[str, float], density: Mapping[str, float]
 ) -> Bodies:
-    """Return every body from its solid; `density` is that of all, or of some kinds by name [kg/m³]."""
-    given: Mapping[Any, Any] = density if isinstance(density, Mapping) else dict.fromkeys(KINDS, density)
-    for kind in given:
-        if kind not in KINDS:
-            raise ParameterError(f"density: unknown kind {shown(kind)}, expected one of {', '.join(KINDS)}")
-    size, bodies = dimensions or Dimensions.scaled(geometry), {}
-    for kind in KINDS:
-        of = positive("density", given.get(kind, STEEL_DENSITY), ParameterError)
-        bodies[kind] = _body(inertials_of_solids(geometry, size, of)[kind])
-    return Bodies.alike(**bodies)
+    """Return every body from its solid, by the sizes given [m] and the densities of all kinds [kg/m³]."""
+    inertials = inertials_of_solids(geometry, asdict(Dimensions.scaled(geometry, **dimensions)), density)
+    return Bodies.alike(**{kind: _body(inertial) for kind, inertial in inertials.items()})
 
 
 class _Lengths(Protocol):
@@ -165,30 +180,20 @@ class _Lengths(Protocol):
     def b(self) -> Scalar: ...
 
 
-class _Sizes(Protocol):
-    """Sizes as of `Dimensions`."""
-
-    @property
-    def slider_edge(self) -> Scalar: ...
-    @property
-    def rod_radius(self) -> Scalar: ...
-    @property
-    def plate_thickness(self) -> Scalar: ...
-    @property
-    def corner_radius(self) -> Scalar: ...
-
-
-def inertials_of_solids(lengths: _Lengths, size: _Sizes, density: Scalar) -> dict[str, Inertial]:
+def inertials_of_solids(
+    lengths: _Lengths, size: Mapping[str, Scalar], density: Mapping[str, Scalar]
+) -> dict[str, Inertial]:
     """Return the inertial parameters of each kind of body from its solid, on numbers, arrays or symbols.
 
     Slider, leg, crossbar and platform.
     """
-    edge = size.slider_edge
+    edge, radius = size["slider_edge"], size["rod_radius"]
+    plate = size["corner_radius"], size["plate_thickness"]
     return {
-        "slider": inertial_of_box((edge, edge, edge), density),
-        "leg": inertial_of_cylinder(size.rod_radius, lengths.L, 0, 0, density),
-        "crossbar": inertial_of_cylinder(size.rod_radius, 2 * lengths.b, 1, -lengths.b, density),
-        "platform": inertial_of_plate(_CORNERS, lengths.r, size.corner_radius, size.plate_thickness, density),
+        "slider": inertial_of_box((edge, edge, edge), density["slider"]),
+        "leg": inertial_of_cylinder(radius, lengths.L, 0, 0, density["leg"]),
+        "crossbar": inertial_of_cylinder(radius, 2 * lengths.b, 1, -lengths.b, density["crossbar"]),
+        "platform": inertial_of_plate(_CORNERS, lengths.r, *plate, density["platform"]),
     }
 
 

@@ -77,7 +77,7 @@ class Room:
     @classmethod
     def around(cls, parameters: Parameters) -> Room:
         """Measure the surroundings of a machine."""
-        geometry, size = parameters.geometry, Dimensions.scaled(parameters.geometry)
+        geometry, size = parameters.geometry, parameters.sizes
         low, high = parameters.limits.travel
         bottom = low - geometry.h - geometry.r
         return cls(size, geometry.R, bottom, high + 2.6 * size.slider_edge, (low, high), geometry.b)
