@@ -52,7 +52,7 @@ class Table:
     def aligned(self) -> tuple[tuple[str, ...], ...]:
         """Return the rows with `decimals` a number."""
         return tuple(
-            tuple(cell if isinstance(cell, str) else fixed(cell, self.decimals) for cell in row)
+            tuple(cell if isinstance(cell, str) else formatted(cell, f".{self.decimals}f") for cell in row)
             for row in self.rows
         )
 
@@ -64,21 +64,23 @@ class Numeral(str):
 
     def __new__(cls, text: str, value: float) -> Numeral:
         found = super().__new__(cls, text)
-        found.value = float(value)
+        found.value = value.item() if isinstance(value, np.generic) else value
         return found
 
     def __getnewargs__(self) -> tuple[str, float]:  # type: ignore[override]
         return str(self), self.value
 
 
-def number(value: float) -> Numeral:
-    """Return a number with six digits; a dash for what does not exist."""
-    return Numeral(NONE if math.isnan(value) else f"{value + 0.0:.6g}", value)
+def number(value: float, unit: str = "", form: str = ".6g") -> Numeral:
+    """Return a number as a format rounds it, with up to six digits; a dash for what does not exist."""
+    text = f"{float(f'{value:{form}}') + 0.0:.6g} {unit}".rstrip()
+    return Numeral(NONE if math.isnan(value) else text, value)
 
 
-def fixed(value: float, decimals: int) -> Numeral:
-    """Return a number with so many decimals; a dash for what does not exist."""
-    return Numeral(NONE if math.isnan(value) else f"{value:.{decimals}f}", value)
+def formatted(value: float, form: str, unit: str = "") -> Numeral:
+    """Return a number in a format, a share with the unit ``"%"`` as such; a dash for what does not exist."""
+    text = f"{100 * value if unit == '%' else value:{form}} {unit}".rstrip()
+    return Numeral(NONE if math.isnan(value) else text, value)
 
 
 def percent(share: float, decimals: int = 1) -> Numeral:
@@ -111,13 +113,13 @@ def table_of(
     return Table(title, tuple(header), cells, note, layout, decimals)
 
 
-def time_text(seconds: float) -> str:
+def time_text(seconds: float) -> Numeral:
     """Return a time with three digits and the unit that suits it, as ``"72.1 µs"`` or ``"10.3 ms"``."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
         digits = f"{seconds / size:.3g}"
         if float(digits) >= 1 or unit == "ns":
             break
-    return f"{float(digits):.15g} {unit}"
+    return Numeral(f"{float(digits):.15g} {unit}", seconds)
 
 
 _STYLE = """

@@ -8,7 +8,7 @@ import click
 from rich.console import Console
 
 from p3dof._base.files import together
-from p3dof._base.tables import Table, table_of
+from p3dof._base.tables import Table, formatted, number, table_of
 from p3dof.cli.app import app
 from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, actuator_options, machine_of, payload_text, say_payloads
@@ -135,17 +135,17 @@ def _page(check: bool, force: bool) -> int:
 
 
 def _function_table(machine: Parameters) -> Table:
-    rows = {
-        count.name: (str(count.general), str(count.symmetric), f"+{count.friction}", str(count.machine))
-        for count in operation_counts(machine)
-    }
+    rows = {}
+    for one in operation_counts(machine):
+        sizes = number(one.general), number(one.symmetric), formatted(one.friction, "+d"), number(one.machine)
+        rows[one.name] = sizes
     title = "Operations of a call: any machine, a symmetric one, more for friction, this one baked"
     return table_of(title, ("function", "general", "symmetric", "friction", "baked"), rows)
 
 
 def _kernel_table() -> Table:
     rows = {
-        name: [str(sum(kernel(name, symmetric).operations().values())) for symmetric in (False, True)]
+        name: [number(sum(kernel(name, symmetric).operations().values())) for symmetric in (False, True)]
         for name in NAMES
     }
     return table_of("Operations of a sample, beside the margin", ("kernel", "general", "symmetric"), rows)

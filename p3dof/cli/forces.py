@@ -11,7 +11,7 @@ import numpy as np
 from rich.console import Console
 
 from p3dof._base.files import SUFFIXES, together
-from p3dof._base.tables import table_of
+from p3dof._base.tables import formatted, table_of
 from p3dof.cli.app import app
 from p3dof.cli.case import LOAD_FRICTION, METHOD, STIFFNESS, Case, load_friction_in, stiffness_in, with_case
 from p3dof.cli.files import out_folder, save_figure_if_possible, write_results
@@ -277,12 +277,12 @@ def _print_convergence(console: Console, case: Case) -> None:
     found = engines.convergence(
         case.robot.parameters, motion, known.forces, motion.duration / count, HALVINGS, wrench=wrench
     )
-    orders = ["", *(f"{order:.3f}" for order in found.orders)]
-    rows = {
-        f"{1e3 * step:.4g}": (f"{error:.1e}", order, f"{gap:.1e}")
+    orders = ["", *(formatted(order, ".3f") for order in found.orders)]
+    rows: dict[str, tuple[str, ...]] = {
+        f"{1e3 * step:.4g}": (formatted(error, ".1e"), order, formatted(gap, ".1e"))
         for step, error, order, gap in zip(found.steps, found.errors, orders, found.gaps, strict=True)
     }
-    rows["→ 0"] = (f"{found.extrapolated_error:.1e}", "", "")
+    rows["→ 0"] = (formatted(found.extrapolated_error, ".1e"), "", "")
     title = "Exudyn simulation (sliders driven, trapezoidal rule), against virtual-power"
     header = ("step [ms]", "error, of the largest force", "order", "largest gap [m]")
     show(console, table_of(title, header, rows))

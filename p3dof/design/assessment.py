@@ -15,6 +15,7 @@ from p3dof._base.tables import (
     NONE,
     Cell,
     Columns,
+    Numeral,
     ShownInNotebook,
     Table,
     Tabular,
@@ -612,7 +613,8 @@ def uses_table(found: Assessment, most: int | None = None) -> Table:
 
 
 def _use(one: RatingUse) -> tuple[str, ...]:
-    values = (f"{figure} {one.unit}".strip() for figure in one.figures)
+    told, sizes = one.figures, (one.required, one.allowed)
+    values = (Numeral(f"{told[k]} {one.unit}".strip(), sizes[k]) for k in (0, 1))
     shares = percent(one.share), percent(1 - one.margin, 0)
     return (f"{one.name} of {one.part}", one.kind, *values, *shares, *_when(one.time, one.place))
 
@@ -681,11 +683,11 @@ def needs_table(found: Assessment) -> Table:
     for lead in _LEADS:
         turn = lead / 1e3 / (2 * math.pi)
         torques = [
-            number(float(f"{value:.4g}"))
+            number(value, form=".4g")
             for pair in zip(peak, rms, strict=True)
             for value in pair * np.array(turn)
         ]
-        rows[f"{lead:g} mm"] = [*torques, *(f"{_RPM * value / turn:.0f}" for value in speed)]
+        rows[f"{lead:g} mm"] = [*torques, *(number(_RPM * value / turn, form=".0f") for value in speed)]
     header = (
         "lead of the screw",
         *(f"{leg} {what} [N m]" for leg in LEGS for what in ("peak", "rms")),
@@ -820,7 +822,7 @@ def _fit(found: Assessment) -> str:
     if loads is None or not loads.fit.any():
         return "no assembly error was given"
     worst = np.nanmax(loads.fit[:, 0, :, 0])
-    most = number(round(float(worst), 3))
+    most = number(worst, form=".3f")
     return f"assembly errors add up to {most} N to a component, which is not in the lives"
 
 

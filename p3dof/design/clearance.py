@@ -918,14 +918,14 @@ def clearance_table(found: Clearance, most: int | None = 12) -> Table:
         pose = 1e3 * y, 1e3 * z, math.degrees(theta)
         spot = 1e3 * one.points.mean(axis=0) + 0.0
         when = NONE if math.isnan(one.time) else number(one.time)
-        numbers = [number(float(f"{value:.4f}")) for value in (1e3 * one.distance, *pose, *spot)]
+        numbers = [number(value, form=".4f") for value in (1e3 * one.distance, *pose, *spot)]
         rows.append((one.names, numbers[0], when, one.place or NONE, *numbers[1:]))
     header = ("parts", "distance [mm]", "at t [s]", "segment", "y [mm]", "z [mm]", "θ [deg]",
               "at x0 [mm]", "at y0 [mm]", "at z0 [mm]")  # fmt: skip
     x, y, z = (_mm(side) for side in found.sides)
     note = f"Pairs of parts looked at: {len(found.pairs)}; neighbours at a joint are left out. "
     if not math.isnan(found.lower_bound):
-        note += f"Nowhere between samples less than {number(float(f'{1e3 * found.lower_bound:.4f}'))} mm. "
+        note += f"Nowhere between samples less than {number(1e3 * found.lower_bound, form='.4f')} mm. "
     note += f"All that moves stays in a box of {x} × {y} × {z} mm, {found.room:.4g} m³."
     return Table("Clearance", header, tuple(rows), note, "wide")
 

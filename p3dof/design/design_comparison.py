@@ -24,6 +24,7 @@ from p3dof._base.tables import (
     Table,
     Tabular,
     columns_by,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -434,7 +435,7 @@ def comparison_table(found: DesignComparison) -> Table:
 def _row(found: DesignComparison, measure: DesignMeasure) -> list[str]:
     cells = [measure.label, _cell(measure.values[0])]
     for value, more in zip(measure.values[1:], measure.differences[1:], strict=True):
-        cells += [_cell(value), NONE if math.isnan(more) else f"{100 * more:+.1f} %"]
+        cells += [_cell(value), formatted(more, "+.1f", "%")]
     best = NONE if measure.best is None else f"{found.names[measure.best]} ({measure.better})"
     return [*cells, best]
 
@@ -461,7 +462,7 @@ def _drive(found: Assessment) -> str | None:
 def _cell(value: float) -> str:
     if math.isinf(value):
         return "beyond" if value > 0 else NONE
-    return number(float(f"{value:.5g}"))
+    return number(value, form=".5g")
 
 
 def _plain(value: float) -> float | None:

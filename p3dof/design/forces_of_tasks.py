@@ -19,6 +19,7 @@ from p3dof._base.tables import (
     Table,
     Tabular,
     columns_by,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -259,7 +260,7 @@ def limits_table(plan: FastestPlan) -> Table:
             one.holds_at,
             number(one.value),
             number(one.limit),
-            f"{one.share:.2%}",
+            formatted(one.share, ".2%"),
             number(one.time),
             one.way,
         )

@@ -27,7 +27,7 @@ from p3dof._base.checks import (
     shown,
 )
 from p3dof._base.errors import InputError, SampleError
-from p3dof._base.tables import NONE, Table, Tabular, columns_by, number, percent
+from p3dof._base.tables import NONE, Numeral, Table, Tabular, columns_by, formatted, number
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.design.tasks import Piece, Plan
@@ -439,8 +439,8 @@ def swings_table(swings: Sequence[Swing], plan: Plan) -> Table:
     rows = []
     for one in swings:
         share = math.sqrt(one.energy / swings[0].energy) if swings[0].energy else math.nan
-        energy = f"{one.energy:.3g}" if one.energy >= _LEAST else f"< {_LEAST:g}"
-        swing = NONE if math.isnan(share) else percent(share) if share >= _SEEN else f"< {_SEEN:.1%}"
+        energy = Numeral(f"{one.energy:.3g}" if one.energy >= _LEAST else f"< {_LEAST:g}", one.energy)
+        swing = Numeral(f"< {_SEEN:.1%}", share) if share < _SEEN else formatted(share, ".1%")
         rows.append((one.motion, one.motors, one.stiffness, number(one.duration), energy, swing, one.stop))
     note = "Swing: by the amplitude of the first row, the root of the energies; at the worst stop."
     if plan.source is not None and len(plan.source.bends()[0]):
@@ -461,7 +461,7 @@ def modes_table(robot: Manipulator, plain: Plan, plan: Plan, drive_stiffness: Ar
             float(each[-1].motion.time[-1] - each[0].motion.time[0]) for each in (former, latter)
         )
         new = (NONE, NONE) if plan is plain else (", ".join(f"{f:.4g}" for f in used), number(after))
-        frequencies = (f"{frequency:.4g}" for frequency in own)
+        frequencies = (formatted(frequency, ".4g") for frequency in own)
         rows.append((f"{former[0].first} → {former[-1].last}", *frequencies, number(before), *new))
     header = ("way", *(f"mode {k} [Hz]" for k in (1, 2, 3)), "duration [s]", "shaped at [Hz]", "takes [s]")
     return Table("Natural frequencies on elastic drives", header, tuple(rows))

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.tables import NONE, Cell, Table, number
+from p3dof._base.tables import NONE, Cell, Table, formatted, number
 from p3dof.loops.assembly import Assembly
 from p3dof.loops.linear import UNIQUE, actuation_of, determined
 from p3dof.loops.loop_model import LoopModel
@@ -107,7 +107,7 @@ def joints_table(loop: LoopModel, seen: Overview | None = None) -> Table:
         if role not in ("", "actuated", "locked"):
             role = f"follows {role}"
         role = role or ("passive" if name in idle else "")
-        rows.append((name, kind_of(loop, i), role, f"{float(model.inertias[i].mass):.4g}", _range(loop, i)))
+        rows.append((name, kind_of(loop, i), role, formatted(model.inertias[i].mass, ".4g"), _range(loop, i)))
     header = ("Joint", "kind", "role", "mass [kg]", "range [m or rad]")
     note = "Mass: that of the body behind the joint. Passive: can move while all actuated joints are locked."
     return Table("Joints", header, tuple(rows), note, layout="list")
@@ -131,7 +131,7 @@ def closures_table(loop: LoopModel, seen: Overview | None = None) -> Table:
     for (title, kind), span in zip(entries, loop.constraint_rows, strict=True):
         size = span.stop - span.start
         free = NONE if seen is None else f"{size - int(seen.undetermined[span].sum())} of {size}"
-        rows.append((title, kind, str(size), free))
+        rows.append((title, kind, number(size), free))
     header = ("Closure", "kind", "rows", "determined forces")
     return Table("Closures and couplings", header, tuple(rows), layout="words")
 
@@ -153,22 +153,22 @@ def facts_table(loop: LoopModel, seen: Overview | None = None, gap: float = math
     model = loop.model
     mass = sum(inertia.mass for inertia in list(model.inertias)[1:])  # the first stands still
     rows: list[tuple[str, str]] = [
-        ("joints", str(model.njoints - 1)),
-        ("degrees of freedom of the tree", str(model.nv)),
-        ("rows of closures and couplings", str(sum(s.stop - s.start for s in loop.constraint_rows))),
-        ("largest gap", f"{gap:.1e} m or rad" if math.isfinite(gap) else NONE),
-        ("rank", NONE if seen is None else str(seen.rank)),
+        ("joints", number(model.njoints - 1)),
+        ("degrees of freedom of the tree", number(model.nv)),
+        ("rows of closures and couplings", number(sum(s.stop - s.start for s in loop.constraint_rows))),
+        ("largest gap", formatted(gap, ".1e", "m or rad") if math.isfinite(gap) else NONE),
+        ("rank", NONE if seen is None else number(seen.rank)),
         *_at_reference(loop, seen),
-        ("mobility", NONE if seen is None else str(seen.mobility)),
-        ("actuated joints", str(len(loop.actuated))),
+        ("mobility", NONE if seen is None else number(seen.mobility)),
+        ("actuated joints", number(len(loop.actuated))),
     ]
     if seen is not None:
         rows += [
-            ("controlled free motions", str(seen.held)),
-            ("passive joints", str(len(seen.idle))),
+            ("controlled free motions", number(seen.held)),
+            ("passive joints", number(len(seen.idle))),
             ("actuator forces", "unique" if seen.held == len(loop.actuated) else "not unique"),
         ]
-    rows += [("moving mass", f"{number(float(mass))} kg"), ("gravity", f"{_vector(loop)} m/s²")]
+    rows += [("moving mass", number(float(mass), "kg")), ("gravity", f"{_vector(loop)} m/s²")]
     return Table(f"Robot {model.name}", ("", "value"), tuple(rows), layout="words")
 
 
@@ -210,7 +210,8 @@ def assembly_table(loop: LoopModel, assembly: Assembly) -> Table:
         joint = loop.model.getJointId(name)
         single = len(values) == 1
         unit = ("m" if is_slide(loop, joint) else "rad") if single else "m, rad"
-        rows.append((name, ", ".join(number(float(value)) for value in values), unit))
+        told = [number(float(value)) for value in values]
+        rows.append((name, told[0] if single else ", ".join(told), unit))
     kept = "the same" if assembly.same_assembly else "perhaps another one"
     note = (
         f"Gap {assembly.gap:.1e} m or rad, rank {assembly.rank}, mobility {assembly.mobility}, "

@@ -19,6 +19,7 @@ from p3dof._base.tables import (
     Table,
     Tabular,
     columns_by,
+    formatted,
     html_of,
     notebook_html,
     table_of,
@@ -324,7 +325,7 @@ def agreement_table(found: Comparison) -> Table:
     worst, second = found.difference[found.both_valid].max(axis=0, initial=0.0), found.second
     peak, rms, scale = second.peak_forces, second.rms_forces, second.force_scale
     rows = {
-        leg: (peak[k], rms[k], f"{worst[k]:.1e}", f"{worst[k] / scale[k] if scale[k] else 0.0:.1e}")
+        leg: (peak[k], rms[k], formatted(worst[k], ".1e"), formatted(worst[k] / (scale[k] or 1.0), ".1e"))
         for k, leg in enumerate(LEGS)
     }
     header = (
@@ -341,8 +342,8 @@ def opinions_table(found: Comparison) -> Table:
     """Return how far others are from the virtual powers."""
     rows = {
         opinion.name: (
-            f"{found.opinion_difference(opinion):.1e}",
-            f"{found.opinion_share(opinion):.1e}",
+            formatted(found.opinion_difference(opinion), ".1e"),
+            formatted(found.opinion_share(opinion), ".1e"),
             time_text(opinion.seconds / max(1, int(found.second.valid.sum()))),
         )
         for opinion in found.opinions

@@ -11,12 +11,12 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.tables import (
-    NONE,
     POSE_COLUMNS,
     ShownInNotebook,
     Table,
     Tabular,
     columns_by,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -326,8 +326,8 @@ def evidence_table(*results: InverseDynamics, seconds: Sequence[float] = ()) -> 
     """Return closure errors and power residuals."""
     rows = {
         result.method: [
-            f"{result.closure_error[result.valid].max(initial=0.0):.1e}",
-            f"{np.abs(result.power_residual[result.valid]).max(initial=0.0):.1e}",
+            formatted(result.closure_error[result.valid].max(initial=0.0), ".1e"),
+            formatted(np.abs(result.power_residual[result.valid]).max(initial=0.0), ".1e"),
             number(np.abs(result.power).max()),  # NaN in one sample: there is no largest one
         ]
         for result in results
@@ -347,7 +347,7 @@ def limits_table(result: InverseDynamics, limits: Limits) -> Table:
             number(one.value),
             number(one.time),
             number(one.limit),
-            NONE if np.isnan(one.share) else f"{one.share:.1%}",
+            formatted(one.share, ".1%"),
         )
         for one in result.utilisations(limits)
     }

@@ -17,6 +17,7 @@ from p3dof._base.tables import (
     ShownInNotebook,
     Table,
     Tabular,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -399,9 +400,9 @@ def errors_table(runs: Mapping[str, Simulation]) -> Table:
     """
     rows = {
         name: (
-            *(f"{1e3 * error:.3g}" for error in run.peak_error),
-            f"{np.abs(run.forces).max():.1f}",
-            f"{run.speed:.2g}",
+            *(formatted(1e3 * error, ".3g") for error in run.peak_error),
+            formatted(np.abs(run.forces).max(), ".1f"),
+            formatted(run.speed, ".2g"),
         )
         for name, run in runs.items()
     }

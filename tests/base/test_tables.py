@@ -11,7 +11,16 @@ from html_pages import HOSTILE, Page
 from rich.console import Console
 
 import p3dof
-from p3dof._base.tables import Table, notebook_html, number, percent, table_html, table_of, time_text
+from p3dof._base.tables import (
+    Table,
+    formatted,
+    notebook_html,
+    number,
+    percent,
+    table_html,
+    table_of,
+    time_text,
+)
 from p3dof.cli.output import show
 
 MACHINE = replace(
@@ -257,3 +266,18 @@ def test_short_times_have_three_digits_and_their_unit(seconds, text):
 def test_a_table_of_a_page_has_the_class_of_its_layout(layout, tag):
     table = Table("Title", ("name", "value"), [("a", "1")], layout=layout)
     assert tag in table_html(table)
+
+
+def test_a_number_in_a_text():
+    shown = [
+        number(1234.56789, form=".3g"),
+        number(-1e-9, "N", ".2f"),
+        number(0.25, "m"),
+        number(np.nan, "m"),
+    ]
+    assert shown == ["1230", "0 N", "0.25 m", "–"]
+    assert [one.value for one in shown[:3]] == [1234.56789, -1e-9, 0.25]
+    shown = [formatted(0.2264, "+.1f", "%"), formatted(0.2264, ".1%"), formatted(3e-5, ".1e", "m or rad")]
+    assert shown == ["+22.6 %", "22.6%", "3.0e-05 m or rad"]
+    assert [one.value for one in shown] == [0.2264, 0.2264, 3e-5]
+    assert (repr(number(np.int64(4)).value), time_text(7.21e-5).value) == ("4", 7.21e-5)

@@ -16,7 +16,7 @@ from documents import ROOT
 
 import p3dof
 from p3dof._base.files import SUFFIXES
-from p3dof._base.tables import fixed, number, percent
+from p3dof._base.tables import formatted, number, percent
 from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile
 from p3dof.cli.output import plain
@@ -207,5 +207,5 @@ def test_numbers_that_tables_show_rounded_are_whole(capsys):
     peak = np.abs(found.forces[:, 0]).max()
     assert row[1] == pytest.approx(peak, rel=1e-13)
     assert row[-1] == row[1] / p3dof.load().parameters.limits.force
-    assert copy.deepcopy(fixed(1 / 3, 2)).value == 1 / 3
-    assert plain((number(np.nan), fixed(1 / 3, 2), percent(np.inf))) == [None, 1 / 3, None]
+    assert copy.deepcopy(formatted(1 / 3, ".2f")).value == 1 / 3
+    assert plain((number(np.nan), formatted(1 / 3, ".2f"), percent(np.inf))) == [None, 1 / 3, None]

@@ -218,7 +218,7 @@ def _table(name: str, found: Any, named: Callable[[str], str]) -> Table:
     if isinstance(found, Mapping) and all(isinstance(item, ColumnMoments) for item in found.values()):
         header = ("column", "mean", "standard deviation", "smallest", "largest", "items", "without a number")
         rows = {
-            named(column): (*map(number, (m.mean, m.deviation, m.low, m.high)), str(m.count), str(m.invalid))
+            named(column): [number(x) for x in (m.mean, m.deviation, m.low, m.high, m.count, m.invalid)]
             for column, m in found.items()
         }
         return table_of(title, header, rows)
@@ -242,8 +242,8 @@ def _of_counts(title: str, found: Counts, named: Callable[[str], str]) -> Table:
     starts = np.arange(0, len(found.counts), step)
     stops = np.minimum(starts + step, len(found.counts))
     rows = {
-        f"{number(found.edges[start])} to {number(found.edges[stop])}": (str(found.counts[start:stop].sum()),)
-        for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
+        f"{number(found.edges[i])} to {number(found.edges[end])}": (number(found.counts[i:end].sum()),)
+        for i, end in zip(starts.tolist(), stops.tolist(), strict=True)
     }
     note = f"Below: {found.below}, above: {found.above}, without a number: {found.invalid}."
     return table_of(title, (named(found.column), "items"), rows, note)

@@ -22,7 +22,7 @@ from p3dof._base.checks import FloatArray, is_number, one_line, real, require_co
 from p3dof._base.errors import FileError, InputError, MissingExtraError, MotionError, ParameterError
 from p3dof._base.files.archives import READ, WRITE, damage_told, pyarrow
 from p3dof._base.quantities import Quantity
-from p3dof._base.tables import Table, table_of
+from p3dof._base.tables import Table, formatted, table_of
 from p3dof._base.tables import number as number_text
 from p3dof.analysis.designs.columns import LENGTHS, BodiesOfDesigns, Column, Designs, columns_of
 from p3dof.analysis.designs.evaluation import BLOCK, DesignEvaluation
@@ -409,7 +409,7 @@ class DesignSummary:
     def tables(self) -> list[Table]:
         """Return what there is, and the best, as tables."""
         counts = {
-            status.in_words: (str(int(many)),)
+            status.in_words: (formatted(many, "d"),)
             for status, many in zip(DesignStatus, self.by_status, strict=True)
             if many
         }

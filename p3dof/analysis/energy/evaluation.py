@@ -18,6 +18,7 @@ from p3dof._base.tables import (
     Table,
     Tabular,
     columns_by,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -187,8 +188,9 @@ def bodies_table(energy: Energy) -> Table:
         return table_of("Kinetic energy", header, unknown, "Not known in all samples.")
     most = int(np.argmax(energy.kinetic_total))
     total = energy.kinetic_total[most]
+    shares = energy.kinetic[most] / (total or 1.0)
     rows = {
-        name: (energy.kinetic[:, k].max(), f"{energy.kinetic[most, k] / total if total else 0.0:.1%}")
+        name: (energy.kinetic[:, k].max(), formatted(shares[k], ".1%"))
         for k, name in enumerate(energy.bodies)
     }
     header.append(f"share at t = {number(energy.time[most])} s")
@@ -199,7 +201,7 @@ def balance_table(energy: Energy) -> Table:
     """Return the evidence: the work done on the mechanism against the change of its energy."""
     error = np.abs(energy.balance[energy.valid]).max(initial=0.0)
     done = energy.work_done[-1] if energy.valid.all() else np.nan
-    rows = {"over the motion": (done, f"{error:.1e}" if energy.valid.any() else NONE, energy.scale)}
+    rows = {"over the motion": (done, formatted(error, ".1e") if energy.valid.any() else NONE, energy.scale)}
     header = ("energy balance", "work done [J]", "largest error [J]", "range of the energy [J]")
     return table_of("Change of the energy less the work done", header, rows)
 

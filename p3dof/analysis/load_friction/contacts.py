@@ -30,7 +30,7 @@ from p3dof._base.errors import DynamicsError, InputError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import FORCE, LENGTH, RATE, Quantity
 from p3dof._base.samples import OnInvalid
-from p3dof._base.tables import ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import ShownInNotebook, Table, formatted, html_of, notebook_html, number, table_of
 from p3dof.analysis.reactions import Reactions, Stiffness
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.paper.formulas import velocities
@@ -413,14 +413,14 @@ def contacts_table(effect: LoadFrictionEffect) -> Table:
             for values in (effect.loads, effect.coulomb.limits)
         )
         unit = "N" if name in SLIDES else "N m"
-        rows[name] = (number(load), f"{number(friction)} {unit}", number(work), _share(work, total))
+        rows[name] = (number(load), number(friction, unit), number(work), _share(work, total))
     header = ("joint", "largest load [N]", "largest friction", "lost in the motion [J]", "share")
     note = "Load: of a hinge across its axis; of a guide |fx| + |fy| + (|mx| + |my| + |mz|) / arm."
     return table_of("Origin of load-dependent friction", header, rows, note)
 
 
 def _share(part: float, whole: float) -> str:
-    return f"{part / whole:.1%}" if whole > 0 else "–"
+    return formatted(part / whole, ".1%") if whole > 0 else "–"
 
 
 @html_of.register(LoadFrictionEffect)

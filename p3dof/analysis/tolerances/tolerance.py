@@ -28,7 +28,7 @@ from p3dof._base.blocks.problem import whole
 from p3dof._base.checks import Progress, positive, shown, unknown_field
 from p3dof._base.errors import InputError
 from p3dof._base.files import called, parse_yaml, read_text
-from p3dof._base.tables import Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import Table, formatted, html_of, notebook_html, number, table_of
 from p3dof._base.time_series.wrenches import WrenchOverTime
 from p3dof.analysis.designs.columns import QUANTITIES, BodiesOfDesigns
 from p3dof.analysis.tolerances.directions import (
@@ -252,9 +252,9 @@ def sensitivity_table(found: SobolIndices | LocalSensitivity) -> Table:
         order = np.argsort(-np.abs(found.normalised)).tolist()
         rows = {
             found.names[i]: (
-                f"{number(found.nominal[i])} {found.units[i]}",
-                f"{number(found.gradient[i])} {found.unit}/{_below(found.units[i])}",
-                f"{found.normalised[i]:+.4g}",
+                number(found.nominal[i], found.units[i]),
+                number(found.gradient[i], f"{found.unit}/{_below(found.units[i])}"),
+                formatted(found.normalised[i], "+.4g"),
             )
             for i in order
         }
@@ -305,10 +305,10 @@ def _of_forces(found: ForceTolerance) -> tuple[Table, ...]:
     order = np.argsort(-found.shares[3]).tolist()
     parts = {
         found.names[i]: (
-            f"{number(found.nominal[i])} {found.units[i]}",
-            f"{number(found.sigma[i])} {found.units[i]}",
-            f"{number(found.peak_gradient[3, i])} N/{_below(found.units[i])}",
-            f"{100 * found.shares[3, i]:.3g} %",
+            number(found.nominal[i], found.units[i]),
+            number(found.sigma[i], found.units[i]),
+            number(found.peak_gradient[3, i], f"N/{_below(found.units[i])}"),
+            formatted(found.shares[3, i], ".3g", "%"),
         )
         for i in order
     }
@@ -337,7 +337,7 @@ def _of_poses(found: PoseTolerance) -> tuple[Table, ...]:
     errors = table_of("Static errors of the pose", header, rows, f"{told} {RIGID}", "wide")
     shares = found.shares.reshape(-1, 3, len(found.names))[0]
     parts = {
-        name: (f"{1e6 * found.sigma[i]:.4g}", *(f"{100 * share:.3g}" for share in shares[:, i]))
+        name: (formatted(1e6 * found.sigma[i], ".4g"), *(formatted(100 * x, ".3g") for x in shares[:, i]))
         for i, name in enumerate(found.names)
     }
     titles = ("parameter", "σ [µm]", "of y [%]", "of z [%]", "of θ [%]")

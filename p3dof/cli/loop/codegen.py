@@ -9,7 +9,7 @@ import click
 from rich.console import Console
 
 from p3dof._base.errors import InputError
-from p3dof._base.tables import table_of
+from p3dof._base.tables import formatted, table_of
 from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import with_robot
@@ -96,7 +96,7 @@ def codegen(
     protect(inputs, job.paths)
     console = Console()
     print_written(console, job.write(force))
-    rows = {name: [str(count)] for name, count in code.operations.items()}
+    rows = {name: [formatted(count, "d")] for name, count in code.operations.items()}
     show(console, table_of("Operations of a call", ("function", "operations"), rows))
     return 0
 

@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
-from p3dof._base.tables import Table, number
+from p3dof._base.tables import Table, formatted, number
 from p3dof.cli.app import FAILED
 from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
 from p3dof.cli.files import InputFile, console_beside, protect, save_figure_if_possible, source, write_results
@@ -274,14 +274,15 @@ def _table(run: RobotRun) -> Table:
     power = run.power.sum(axis=1)
     work = float(np.sum((power[1:] + power[:-1]) / 2 * np.diff(run.time)))
     rows = [
-        ("time", f"{number(float(run.time[-1]))} s"),
+        ("time", number(float(run.time[-1]), "s")),
         ("method", run.method),
-        ("energy gained", f"{number(float(run.energy[-1] - run.energy[0]))} J"),
-        ("work of the actuators", f"{number(work)} J"),
-        ("largest force of an actuator", f"{number(float(np.abs(run.forces).max(initial=0.0)))} N or N m"),
-        ("largest speed of a joint", f"{number(float(np.abs(run.v).max(initial=0.0)))} m/s or rad/s"),
-        ("largest gap of a loop", f"{run.gap.max(initial=0.0):.1e} m or rad"),
+        ("energy gained", number(float(run.energy[-1] - run.energy[0]), "J")),
+        ("work of the actuators", number(work, "J")),
+        ("largest force of an actuator", number(float(np.abs(run.forces).max(initial=0.0)), "N or N m")),
+        ("largest speed of a joint", number(float(np.abs(run.v).max(initial=0.0)), "m/s or rad/s")),
+        ("largest gap of a loop", formatted(run.gap.max(initial=0.0), ".1e", "m or rad")),
     ]
     if run.error is not None:
-        rows.insert(1, ("largest error of an actuated joint", f"{np.abs(run.error).max():.3g} m or rad"))
+        error = formatted(np.abs(run.error).max(), ".3g", "m or rad")
+        rows.insert(1, ("largest error of an actuated joint", error))
     return Table("Run", ("", "value"), tuple(rows), layout="words")

@@ -11,7 +11,17 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Readable, not_negative, shown
 from p3dof._base.errors import InputError, SampleError
-from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_html, number, table_of
+from p3dof._base.tables import (
+    NONE,
+    Numeral,
+    ShownInNotebook,
+    Table,
+    html_of,
+    notebook_html,
+    number,
+    percent,
+    table_of,
+)
 from p3dof.analysis.reactions import (
     JOINTS,
     AnyReactions,
@@ -169,7 +179,7 @@ def guides_table(report: BearingReport, place: Place = None) -> Table:
     """
     header = ("joint", "guide", *_load(place), "from moments", "distance per cycle [m]", "L10 [km]", *_LIFE)
     rows = {
-        one.joint: _row(one, (f"{one.moment_share:.0%}", one.way), one.life / 1e3, place)
+        one.joint: _row(one, (percent(one.moment_share, 0), one.way), one.life / 1e3, place)
         for one in report.guides
     }
     note = "Mean load: equivalent, with moments about the carriage, weighted by the distance (ISO 14728-1)."
@@ -247,7 +257,7 @@ def rods_table(report: BearingReport) -> Table:
 
 
 def _hours(hours: float) -> str:
-    return f"> {LONG:,.0f}" if hours > LONG else number(hours)
+    return Numeral(f"> {LONG:,.0f}", hours) if hours > LONG else number(hours)
 
 
 def _safety(value: float) -> str:

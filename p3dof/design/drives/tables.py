@@ -112,7 +112,7 @@ def axes_table(sizing: Sizing) -> Table:
     rows: dict[str, Sequence[str]] = {
         "peak torque [N m]": [number(axis.peak_torque) for axis in axes],
         "at t [s]": [number(axis.peak_time) for axis in axes],
-        "share of inertia there": [f"{axis.peak_inertia_share:.0%}" for axis in axes],
+        "share of inertia there": [percent(axis.peak_inertia_share, 0) for axis in axes],
         "rms torque [N m]": [number(axis.rms_torque) for axis in axes],
         "rms torque, brake closed at rest [N m]": [number(axis.braked_rms_torque) for axis in axes],
         "top speed [rpm]": [number(_RPM * axis.top_speed) for axis in axes],
@@ -258,7 +258,7 @@ def _range(ends: tuple[float, float]) -> str:
     low, high = ends
     if math.isnan(low):
         return NONE
-    return number(round(low, 2)) if math.isclose(low, high) else f"{low:.2g} to {high:.2g}"
+    return number(low, form=".2f") if math.isclose(low, high) else f"{low:.2g} to {high:.2g}"
 
 
 def write_ranking(found: Sequence[Sizing], path: str | os.PathLike[str]) -> Path:

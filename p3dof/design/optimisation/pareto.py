@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from p3dof._base.blocks import nondominated
 from p3dof._base.checks import FloatArray, Progress, frozen_array, shown
 from p3dof._base.errors import InputError, OptimisationError
-from p3dof._base.tables import NONE, Cell, Table, Tabular
+from p3dof._base.tables import NONE, Cell, Table, Tabular, formatted
 from p3dof.analysis.designs.columns import KINDS
 from p3dof.design.optimisation.constraints import Constraint, Formula, Linear
 from p3dof.design.optimisation.epigraph import Local
@@ -394,7 +394,7 @@ def _checks(optimum: Optimum) -> Table:
         (f"{measure.name} on a finer grid{unit}", float(check.finer.objectives[0, 0])),
         ("violation on a finer grid", check.reason or "none"),
         ("largest force by Pinocchio [N]", check.largest),
-        ("largest difference of the two methods [N]", f"{check.difference:.2g}"),
+        ("largest difference of the two methods [N]", formatted(check.difference, ".2g")),
     )
     return Table("Checks", ("", "value"), rows)
 
@@ -414,7 +414,7 @@ def front_tables(front: Front) -> list[Table]:
 def _row(name: str, before: float, after: float) -> tuple[Cell, ...]:
     if not np.isfinite(before) or not before:
         return name, _plain(before), _plain(after), NONE
-    return name, _plain(before), _plain(after), f"{(after - before) / abs(before):+.2%}"
+    return name, _plain(before), _plain(after), formatted((after - before) / abs(before), "+.2%")
 
 
 def _plain(value: float) -> Cell:

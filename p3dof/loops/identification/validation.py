@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array
-from p3dof._base.tables import Columns, Table, Tabular, percent, table_of
+from p3dof._base.tables import Columns, Table, Tabular, formatted, percent, table_of
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof.loops.identification.data import OFFSET, Delay, ForcesFit, Period, PreparedLog, prepare_log
 from p3dof.loops.identification.estimates import EstimationMethod, ParameterEstimate, estimate_parameters
@@ -332,7 +332,7 @@ def validation_table(found: Validation) -> Table:
     """Return the errors of each actuator on held-out data."""
     forces = found.identification.forces
     rows = {
-        name: (unit, size, before, now, percent(now / size), f"{p:.2g}")
+        name: (unit, size, before, now, percent(now / size), formatted(p, ".2g"))
         for name, unit, size, before, now, p in zip(
             forces.actuators, forces.force_units, found.size, found.design_error, found.error,
             found.whiteness, strict=True,
@@ -353,7 +353,7 @@ def parameters_table(found: Identification, all_of_them: bool = False) -> Table:
             break
         rows[in_words(forces.names[i])] = (
             unit_of(forces.names[i], forces),
-            *(f"{x:.4g}" for x in (forces.design[i], found.parameters[i], found.deviations[i])),
+            *(formatted(x, ".4g") for x in (forces.design[i], found.parameters[i], found.deviations[i])),
             percent(float(found.seen[i]), 0),
         )
     header = ("parameter", "unit", "design", "identified", "standard deviation", "seen")
@@ -368,7 +368,7 @@ def parameters_table(found: Identification, all_of_them: bool = False) -> Table:
 def combinations_table(found: Identification) -> Table:
     """Return the combinations of parameters that the forces show."""
     each = found.estimate.combinations
-    rows = {words: (f"{value:.5g}", f"{spread:.2g}") for words, value, spread in each}
+    rows = {words: (formatted(value, ".5g"), formatted(spread, ".2g")) for words, value, spread in each}
     return table_of("Combinations that the forces show", ("combination", "value", "standard deviation"), rows,
                     layout="list")  # fmt: skip
 

@@ -19,6 +19,7 @@ from p3dof._base.tables import (
     ShownInNotebook,
     Table,
     Tabular,
+    formatted,
     html_of,
     notebook_html,
     number,
@@ -218,7 +219,7 @@ def figures_table(runs: ManyRuns) -> Table:
     columns |= {f"largest force {leg} [N]": runs.peak_force[good, k] for k, leg in enumerate(LEGS)}
     columns["work [J]"] = runs.work[good]
     rows = {
-        name: tuple(f"{value:.4g}" for value in np.quantile(column, _QUANTILES))
+        name: tuple(formatted(value, ".4g") for value in np.quantile(column, _QUANTILES))
         for name, column in columns.items()
         if len(column) and np.isfinite(column).all()
     }
@@ -227,7 +228,10 @@ def figures_table(runs: ManyRuns) -> Table:
 
 def stops_table(runs: ManyRuns) -> Table:
     """Return how many runs ended for each reason."""
-    rows = {kind: (str(count), f"{100 * count / len(runs):.3g} %") for kind, count in runs.counts().items()}
+    rows = {
+        kind: (formatted(count, "d"), formatted(count / len(runs), ".3g", "%"))
+        for kind, count in runs.counts().items()
+    }
     return table_of("How the runs ended", ("reason", "runs", "share"), rows)
 
 
