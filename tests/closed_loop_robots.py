@@ -103,6 +103,29 @@ def four_bar_q(theta: float, *lengths: float) -> np.ndarray:
     return np.array([theta, coupler - theta, rocker])
 
 
+SLIDER_CRANK_SIDECAR = Sidecar((Closure("rod_tip", "pin", "hinge"),), ("slide",))
+SLIDER_CRANK = (0.08, 0.25)  # crank, rod
+
+
+def slider_crank() -> str:
+    """Slider-crank along x with the motor on its piston, at its outer dead centre at zero."""
+    up = (0, 0, 1)
+    crank, rod = SLIDER_CRANK
+    return robot(
+        link("base"),
+        link("crank", ROD),
+        link("rod", BAR),
+        link("piston", ARM),
+        link("rod_tip"),
+        link("pin"),
+        joint("crank_joint", "base", "crank", axis=up),
+        joint("rod_joint", "crank", "rod", (crank, 0, 0), axis=up),
+        joint("rod_tip_joint", "rod", "rod_tip", (rod, 0, 0), kind="fixed"),
+        joint("slide", "base", "piston", (crank + rod, 0, 0), axis=(1, 0, 0), kind="prismatic"),
+        joint("pin_joint", "piston", "pin", kind="fixed"),
+    )
+
+
 FIVE_BAR_SIDECAR = Sidecar((Closure("left_tip", "right_tip"),), ("left_joint", "right_joint"))
 FIVE_BAR = (0.3, 0.25, 0.4)  # distance of the motors, proximal, distal
 

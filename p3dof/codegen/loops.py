@@ -217,9 +217,12 @@ def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) 
     home = np.array([joint_value(robot.model, name, start) for name in robot.actuated])
     time, phase = np.arange(_SAMPLES)[:, None] / _RATE, np.arange(len(home))
     w = 2 * np.pi * 2.0
-    target = home + _SWING * (np.sin(w * time + phase) - np.sin(phase))
-    rates = _SWING * w * np.cos(w * time + phase), -_SWING * w * w * np.sin(w * time + phase)
-    states = robot.complete_batch(target, *rates, guess=start)
+    for swing in _SWING * 0.25 ** np.arange(6):  # shorter where the start is near the border of reach
+        target = home + swing * (np.sin(w * time + phase) - np.sin(phase))
+        rates = swing * w * np.cos(w * time + phase), -swing * w * w * np.sin(w * time + phase)
+        states = robot.complete_batch(target, *rates, guess=start)
+        if np.isfinite(states.q).all():
+            break
     forces = robot.inverse_dynamics_batch(states.q, states.v, states.a).tau
     motion = next(function for function in functions if function.name == "motion")
     return fill(

@@ -21,7 +21,7 @@ from p3dof._base.errors import AssemblyError, InputError, ModelError
 from p3dof._base.threads import Workspace
 from p3dof.loops.closures import ClosurePoint, LoopKinematics, max_abs
 from p3dof.loops.coordinates import ACCURACY, length_coordinates, rounding, single_joint
-from p3dof.loops.linear import Decomposition, least_norm, orientation
+from p3dof.loops.linear import Decomposition, actuation_of, least_norm, orientation
 from p3dof.loops.partitions import Memory, Split
 
 _ALL = (True,) * 6
@@ -321,7 +321,7 @@ class Path:
     point: Point  # the last good point
     complete: bool  # whether the residual was brought to zero
     iterations: int  # Newton steps taken
-    moved: bool = True  # whether it got anywhere at all
+    moved: bool = True  # whether it got anywhere, by more than what errors on the way allow
 
 
 class System:
@@ -375,7 +375,8 @@ def follow(system: System, q: FloatArray, tolerance: float) -> Path:
         elif step > _SHORTEST and count < _MOST:
             step = min(step, 1.0 - s) / 2.0
         else:
-            return Path(point, False, count, s > 0.0)
+            moved = max_abs(pin.difference(system.kinematics.model, q, point.q)) > _OPEN
+            return Path(point, False, count, moved)
     return Path(point, True, count)
 
 
@@ -775,17 +776,17 @@ class Assembler:
     def regular(self, actuated_v: NDArray[np.intp]) -> FloatArray | None:
         """`ClosedLoopModel.regular_configuration`; None if the loops cannot be closed."""
         nearby = [*self._nearby(_STEP, 4)]
-        if not nearby or nearby[0][1].rank == self.generic_rank:
+
+        def evidence(one: tuple[FloatArray, Decomposition]) -> tuple[bool, int, float]:
+            """Whether closures have their usual rank, how many free motions motors see, how far both are."""
+            svd, seen = one[1], actuation_of(one[1], actuated_v)
+            far = svd.s[svd.rank - 1] / svd.s[0] if svd.rank else 0.0
+            return svd.rank == self.generic_rank, seen.rank, float(far * seen.s[: seen.rank].min(initial=1.0))
+
+        if not nearby or evidence(nearby[0])[:2] == max(map(evidence, nearby))[:2]:
             return nearby[0][0] if nearby else None
         nearby += [one for step in (2 * _STEP, 4 * _STEP, 8 * _STEP) for one in self._nearby(step, 8)]
-
-        def evidence(one: tuple[FloatArray, Decomposition]) -> float:
-            """How far closures are from losing rank, times how much of each free motion the motors see."""
-            svd = one[1]
-            seen = np.linalg.svd(svd.null_space[actuated_v], compute_uv=False)
-            return float(svd.s[svd.rank - 1] / svd.s[0] * seen.min(initial=1.0))
-
-        return max((one for one in nearby if one[1].rank == self.generic_rank), key=evidence)[0]
+        return max(nearby, key=evidence)[0]
 
     def _nearby(self, step: float, count: int) -> Iterator[tuple[FloatArray, Decomposition]]:
         """Yield the closed reference configuration, then closed ones near it, which are always the same."""

@@ -93,7 +93,8 @@ class LoopModel:
         """A closed configuration (nq,) of the generic rank: the reference, or one nearby if it is singular.
 
         A four-bar that lies flat in its reference configuration has a smaller rank and more mobility there
-        than anywhere else, so that accelerations and forces are not determined.
+        than anywhere else, so that accelerations and forces are not determined. The motor of the piston
+        cannot move a slider-crank at its dead centre, as it does nearby.
 
         Raises
         ------

@@ -183,14 +183,16 @@ _AXIAL = ("hinge", "slider", "cylindrical", "planar")  # closures that the z axe
 
 def doubts(loop: LoopModel, seen: Overview) -> list[str]:
     """Return what to look at first of a robot with a singular reference, or less mobility than motors."""
-    found = []
-    rank = loop.rank(loop.assemble().q)
-    if rank != seen.rank:
+    found, there = [], overview(loop, loop.assemble().q)
+    if (there.rank, there.held) != (seen.rank, seen.held):
         values = joint_values(loop, loop.regular_configuration)
         near = ", ".join(f"{name}={float(row[0]):.3g}" for name, row in values.items() if len(row) == 1)
+        lost = f"the closures have rank {there.rank} there and {seen.rank}"
+        if there.rank == seen.rank:
+            lost = f"the motors move {there.held} of {there.mobility} free motions there and {seen.held}"
         found.append(
-            f"the reference configuration is singular: the closures have rank {rank} there and {seen.rank} "
-            "nearby, where what is said here holds. Motions and forces are not determined at the reference; "
+            f"the reference configuration is singular: {lost} nearby, where what is said here holds. Motions "
+            "and forces are not determined at the reference; "
             f"a regular one near it, for --around or 'reference' of the sidecar: {near}"
         )
     axial = [closure.name for closure in loop.sidecar.closures if closure.kind in _AXIAL]

@@ -119,6 +119,20 @@ def test_info_of_a_singular_reference_says_what_holds_beside_it(capsys, tmp_path
     assert named.rank(named.assemble().q) == 2
 
 
+def test_info_of_a_dead_centre_says_where_the_motor_moves_it(capsys, tmp_path):
+    path, sidecar = tmp_path / "dead.urdf", tmp_path / "dead.yaml"
+    path.write_text(robots.slider_crank(), encoding="utf-8")
+    sidecar.write_text(robots.SLIDER_CRANK_SIDECAR.to_yaml(), encoding="utf-8")
+    code, out, err = loop(capsys, "info", path)
+    assert (code, err) == (0, "")
+    cells, told = dict(re.findall(r"│ ([a-z ]+?) +│ (.+?) +│", out)), flat(out)
+    assert (cells["controlled free motions"], cells["actuator forces"]) == ("1", "unique")
+    assert "the motors move 0 of 1 free motions there and 1 nearby" in told
+    named = re.search(r"for --around or 'reference' of the sidecar: (.*)", told)
+    code, out, _ = loop(capsys, "info", path, "--around", named[1].strip())
+    assert (code, "singular" in out) == (0, False)
+
+
 def test_all_commands_start_around_given_values(capsys, tmp_path, five_bar):
     """What `info` names of a flat linkage makes it regular; assembly and generated C start in closed form."""
     path, sidecar = tmp_path / "flat.urdf", tmp_path / "flat.yaml"

@@ -10,7 +10,7 @@ import closed_trees as trees
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_loop_robots import PARALLELOGRAM_SIDECAR, flat_parallelogram
+from closed_loop_robots import PARALLELOGRAM_SIDECAR, SLIDER_CRANK_SIDECAR, flat_parallelogram, slider_crank
 from command_line import run
 from compilers import CC, COMPILED, CPP, each_c
 from gallery import GALLERY, gallery
@@ -57,8 +57,16 @@ def written(tmp_path_factory):
     return base
 
 
-def test_a_robot_with_a_singular_reference_is_tested_beside_it(tmp_path):
-    flat = p3dof.loops.ClosedLoopModel.from_urdf(flat_parallelogram(), PARALLELOGRAM_SIDECAR)
+@pytest.mark.parametrize(
+    ("xml", "sidecar"),
+    [(flat_parallelogram(), PARALLELOGRAM_SIDECAR), (slider_crank(), SLIDER_CRANK_SIDECAR)],
+    ids=["closures", "motors"],
+)
+def test_a_robot_with_a_singular_reference_is_tested_beside_it(tmp_path, xml, sidecar):
+    flat = p3dof.loops.ClosedLoopModel.from_urdf(xml, sidecar)
+    at, still = flat.regular_configuration[None], np.zeros((1, 3))
+    compiled = flat.compile(around=np.zeros(3), level="numpy").inverse_dynamics(at, still, still)
+    np.testing.assert_allclose(compiled.tau[0], flat.inverse_dynamics(at[0], *still, *still).tau, rtol=1e-9)
     for file, text in loop_files(flat, "bar").files.items():
         (tmp_path / file).write_text(text, encoding="utf-8")
     done = make(tmp_path, "check", f"CC={CC}")

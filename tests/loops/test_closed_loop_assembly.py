@@ -395,6 +395,48 @@ def test_a_regular_configuration_is_in_metres_whatever_the_size_of_the_robot():
     assert np.abs(small.closure_error(small.regular_configuration)).max() < 1e-15
 
 
+@pytest.fixture(scope="module")
+def dead_centre() -> ClosedLoopModel:
+    return ClosedLoopModel.from_urdf(robots.slider_crank(), robots.SLIDER_CRANK_SIDECAR)
+
+
+@pytest.mark.parametrize("x", [0.1701, 0.2, 0.25, 0.28, 0.3, 0.32, 0.329])
+def test_a_dead_centre_is_left_for_whatever_the_piston_reaches(dead_centre, x):
+    crank, rod = robots.SLIDER_CRANK
+    angle = np.arccos((x**2 + crank**2 - rod**2) / (2 * x * crank))  # law of cosines
+    result = dead_centre.assemble([x - crank - rod])
+    assert abs(np.cos(result.q[0]) - np.cos(angle)) < 1e-11
+    assert not result.same_assembly
+    state = dead_centre.complete([x - crank - rod], [1.0], [0.0])
+    lever = np.sin(angle) * (1 + crank * np.cos(angle) / np.sqrt(rod**2 - (crank * np.sin(angle)) ** 2))
+    assert abs(abs(state.v[0]) * crank * lever - 1.0) < 1e-10
+    batch = dead_centre.complete_batch([[x - crank - rod]], [[1.0]], [[0.0]])
+    assert abs(np.cos(batch.q[0, 0]) - np.cos(angle)) < 1e-11
+
+
+def test_beyond_its_reach_the_piston_cannot_be(dead_centre):
+    for x in (0.169, 0.3301, 0.4):
+        with pytest.raises(AssemblyError, match="do not close at the target"):
+            dead_centre.assemble([x - sum(robots.SLIDER_CRANK)])
+
+
+def test_a_regular_configuration_is_one_that_the_motors_can_move(dead_centre):
+    """The motor sees dx/dθ of the crank: zero at the dead centre, where the closures have their rank."""
+    zero = np.zeros(3)
+    assert dead_centre.rank(zero) == dead_centre.generic_rank == 2
+    assert dead_centre.singularity_margins(zero).actuation < 1e-15
+    regular = dead_centre.regular_configuration
+    assert np.abs(dead_centre.closure_error(regular)).max() < 1e-12
+    assert 0.05 < np.abs(regular).max() < 0.5
+    assert dead_centre.singularity_margins(regular).actuation > 0.01
+    around = dead_centre.around({"crank_joint": 1.0})
+    np.testing.assert_array_equal(around.regular_configuration, around.assemble().q)
+    # The motor of the crank moves it there: that one is regular.
+    other = replace(robots.SLIDER_CRANK_SIDECAR, actuated=("crank_joint",))
+    moved = ClosedLoopModel.from_urdf(robots.slider_crank(), other)
+    np.testing.assert_array_equal(moved.regular_configuration, zero)
+
+
 def test_another_reference_is_closed_where_joints_have_given_values():
     """In closed form; the value of a joint that follows chooses the other assembly of a four-bar."""
     loop = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)

@@ -17,6 +17,7 @@ from p3dof.loops.compiled.loops import CoupledJoints, PassiveJoints
 from p3dof.loops.compiled.pivots import Plan, planned
 from p3dof.loops.coordinates import joint_named
 from p3dof.loops.loop_model import LoopModel
+from p3dof.loops.tables import overview
 from p3dof.loops.tree_formulas import numbers, tree_of
 
 SAMPLES = 12  # closed configurations that the pivots are chosen on
@@ -107,7 +108,7 @@ def _different(what: str, names: Iterable[str]) -> list[str]:
 
 
 def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> list[FloatArray]:
-    """Return closed configurations around one of the largest rank, always the same; fewer if not found."""
+    """Return closed configurations around one, always the same, all regular; fewer if not found."""
     found, draw = [np.array(start)], np.random.default_rng(seed)
     for _ in range(4 * SAMPLES):
         if len(found) == SAMPLES:
@@ -123,5 +124,5 @@ def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> 
             found.append(np.array(loop.assemble(None, guess=pin.integrate(loop.model, base, shift)).q))
         except AssemblyError:
             continue
-    ranks = [loop.rank(q) for q in found]
+    ranks = [(seen.rank, seen.held) for seen in (overview(loop, q) for q in found)]
     return [q for q, rank in zip(found, ranks, strict=True) if rank == max(ranks)]
