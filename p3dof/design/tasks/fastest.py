@@ -111,9 +111,13 @@ class Programs:
 
         self._high: Any = highspy
         self._model = self._high.Highs()
-        options = {"output_flag": False, "threads": 1, "simplex_strategy": 4}
-        # The first and last steps are so short that the usual 1e-7 is percents of a force there.
-        options["primal_feasibility_tolerance"] = 1e-10
+        # The first and last steps are so short that the usual tolerance of 1e-7 is percents of a force there.
+        options = {
+            "output_flag": False,
+            "threads": 1,
+            "simplex_strategy": 4,
+            "primal_feasibility_tolerance": 1e-10,
+        }
         for name, value in options.items():
             self._model.setOptionValue(name, value)
         self._before: Any = None
