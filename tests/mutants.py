@@ -67,7 +67,13 @@ TESTS = {
     "p3dof/closed_form/paper/": SHARED,
     "p3dof/closed_form/kinematics/": SHARED,
     "p3dof/closed_form/kinematics/validity.py": (*SHARED, "gate"),
-    "p3dof/machine/parameters/": ("shown_tables", "parameters", "parameter_data", "units"),
+    "p3dof/machine/parameters/": (
+        "shown_tables",
+        "parameters",
+        "parameter_data",
+        "units",
+        "solids_of_the_machine",
+    ),
     "p3dof/machine/parameters/actuators.py": (
         "actuators",
         "shown_tables",
@@ -248,7 +254,7 @@ TESTS = {
     # Designs.
     "p3dof/_base/blocks/": ("reductions", "sampling_of_blocks", "study_numbers", "blocks"),
     "p3dof/design/sweeps/": ("sweeps", "run_sweeps"),
-    "p3dof/analysis/designs/": ("study_numbers", "designs"),
+    "p3dof/analysis/designs/": ("study_numbers", "designs", "solids_of_the_machine", "own_bodies"),
     "p3dof/analysis/designs/files.py": (
         "cli_designs",
         "sweeps",
