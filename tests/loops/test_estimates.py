@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from documents import ROOT
+from gallery import gallery
 from lagrange import LagrangeModel
 from table_numbers import check_evidence, shows
 
@@ -23,6 +24,7 @@ from p3dof.loops import (
     optimise_excitation,
     prior_deviations,
 )
+from p3dof.loops.identification import validation
 from p3dof.loops.identification.forces import bodies_of, pseudo_inertia
 from p3dof.machine.motion import paper_motion
 from p3dof.machine.parameters import SOLIDS, Body, Friction
@@ -554,3 +556,50 @@ def test_limits_of_an_extended_model_are_those_of_the_model():
     own = forces.excess(states, forces.rows(states))
     assert extended.excess(states, extended.rows(states)) == pytest.approx(own, rel=1e-14)
     assert extended.excess(states) == pytest.approx(own, rel=1e-12)
+
+
+FLAT = {"lamina": (0.004, 0.006, 0.01), "rod": (0.0, 0.01, 0.01)}
+TURNS = {"along": np.eye(3), "turned": pin.rpy.rpyToMatrix(0.3, -0.8, 1.1)}
+
+
+def with_inertia(rotation, diagonal):
+    """A five-bar whose bodies have these moments about their mass centres."""
+    loop = gallery("five_bar").copy()
+    for i in range(1, loop.model.njoints):
+        body, about = loop.model.inertias[i], rotation @ np.diag(diagonal) @ rotation.T
+        loop.model.inertias[i] = pin.Inertia(body.mass, body.lever, (about + about.T) / 2)
+    return loop
+
+
+@pytest.mark.parametrize("solver", ["clarabel", "barrier"])
+@pytest.mark.parametrize("rotation", TURNS.values(), ids=TURNS)
+@pytest.mark.parametrize("diagonal", FLAT.values(), ids=FLAT)
+def test_bodies_without_thickness_are_identified_as_possible_ones(rotation, diagonal, solver):
+    """Moments that keep the triangle inequality with equality; the least eigenvalue of what is found."""
+    if solver == "clarabel":
+        pytest.importorskip("clarabel", reason="clarabel is not installed")
+    loop = with_inertia(rotation, diagonal)
+    forces, rng, home = LoopForces(loop), np.random.default_rng(1), loop.assemble().q
+    motors = home[[loop.model.idx_qs[loop.model.getJointId(name)] for name in loop.actuated]]
+    values = motors + 0.2 * rng.normal(size=(30, 2)), rng.normal(size=(30, 2)), 5 * rng.normal(size=(30, 2))
+    A, d = forces.rows(forces.from_coordinates(*values)).columns, forces.deviations()
+    measured = A @ (forces.design + d * rng.normal(size=d.shape)) + rng.normal(0, 0.01, (30, 2))
+    found = estimate_parameters(A, measured, forces.design, d, 0.01, names=forces.names, solver=solver)
+    assert not any("no possible" in told for told in found.remarks)
+    assert np.abs((found.parameters - forces.design) / np.where(d > 0, d, 1)).max() > 0.1
+    for first in bodies_of(forces.names):
+        about = pin.Inertia.FromDynamicParameters(found.parameters[first : first + 10]).inertia
+        half = np.trace(about) / 2
+        assert half - np.linalg.eigvalsh(about).max() > 0
+    again = LoopForces(forces.corrected(found.parameters))
+    np.testing.assert_allclose(
+        again.design, found.parameters, rtol=0, atol=1e-12 * np.abs(found.parameters).max()
+    )
+
+
+def test_a_design_that_no_body_has_is_refused_before_anything_is_computed(monkeypatch):
+    monkeypatch.setattr(validation, "prepare_log", lambda *_, **__: pytest.fail("it began"))
+    loop = with_inertia(np.eye(3), (0.005, 0.005, 0.013))
+    body = LoopForces(loop).names[0].rpartition(".")[0]
+    with pytest.raises(InputError, match=f"no body has the mass, mass centre and inertia of {body} in the"):
+        validation.identify(LoopForces(loop), None)

@@ -179,7 +179,7 @@ def estimate_parameters(
         Of the parameters, ``body.m`` and so on: needed for `consistent` and for what is told.
     consistent : bool
         Whether bodies shall be possible (pseudo-inertias positive semidefinite), friction and rotors not
-        negative. Bodies that the design has on this boundary already stay out of it.
+        negative. Bodies on this boundary, such as laminas, are given 1e-7 of their inertia as thickness.
     solver : {"clarabel", "barrier"}, optional
         What solves for consistent parameters where the most likely ones are not: a semidefinite program by
         Clarabel (extra ``identify``), by default where it is installed; or Newton's method with a barrier.
@@ -465,6 +465,16 @@ def _combinations(
 _TEN: FloatArray = np.array([pseudo_inertia(unit) for unit in np.eye(10)])  # (10, 4, 4)
 
 
+_THICK, _BALL = 1e-7, np.array([0.0, 0, 0, 0, 1, 0, 1, 0, 0, 1])
+
+
+def _scaled(ten: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return a pseudo-inertia, what to divide it by, and its least eigenvalue then."""
+    J = pseudo_inertia(ten)
+    size = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
+    return J, np.outer(size, size), float(np.linalg.eigvalsh(J / np.outer(size, size)).min())
+
+
 class _Constraints(NamedTuple):
     """Scaled pseudo-inertias `J0 + Σ G w` that must be positive semidefinite, and numbers `c + H w` >= 0."""
 
@@ -492,7 +502,7 @@ def _made_possible(
     solver: Literal["clarabel", "barrier"] | None,
 ) -> tuple[FloatArray, list[str]]:
     """Return the most likely parameters among possible ones, and remarks."""
-    design, doubt = prior
+    design, doubt = prior[0].copy(), prior[1]
     T = posterior.information
     _, s, Vt = np.linalg.svd(T[:, :-1], full_matrices=True)
     root = np.sqrt(1 + np.append(s, np.zeros(len(free) - len(s))) ** 2)
@@ -505,10 +515,10 @@ def _made_possible(
         at = slice(first, first + 10)
         if not doubt[at].any():
             continue
-        J = pseudo_inertia(design[at])
-        size = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
-        scale = np.outer(size, size)
-        least = float(np.linalg.eigvalsh(J / scale).min())
+        J, scale, least = _scaled(design[at])
+        if least < _INSIDE:  # a lamina, or a rod: into what bodies have, by less than anybody measures
+            design[at] += _THICK * J.diagonal()[:3].max() * _BALL
+            J, scale, least = _scaled(design[at])
         if least < _INSIDE:
             remarks.append(
                 f"{names[first].rpartition('.')[0]}: its design is no possible solid body; left so"
@@ -524,7 +534,7 @@ def _made_possible(
         by_w[signed] / doubt[signed, None],
     )
     if constraints.hold(g):
-        return found, remarks
+        return found + design - prior[0], remarks
     if solver is None:
         from importlib.util import find_spec
 

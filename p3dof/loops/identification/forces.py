@@ -382,12 +382,11 @@ def pseudo_inertia(ten: FloatArray) -> FloatArray:
 
 
 def require_possible(body: str, ten: FloatArray) -> None:
-    """Raise if no body has these inertial parameters."""
+    """Raise if no body has these inertial parameters; a lamina is one, to rounding."""
     pseudo = pseudo_inertia(ten)
-    if not np.any(ten):
-        return
-    scale = np.sqrt(np.maximum(np.diag(pseudo), np.finfo(float).tiny))
-    if np.diag(pseudo).min() < 0 or np.linalg.eigvalsh(pseudo / np.outer(scale, scale)).min() < -1e-9:
+    own = np.diag(pseudo)
+    scale = np.sqrt(np.maximum(own, max(1e-6 * own[:3].max(), np.finfo(float).tiny)))
+    if np.linalg.eigvalsh(pseudo / np.outer(scale, scale)).min() < -1e-9:
         raise InputError(f"parameters: no body has the mass, mass centre and inertia of {body}")
 
 

@@ -21,7 +21,7 @@ from p3dof._base.tables import Columns, Table, Tabular, formatted, percent, tabl
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof.loops.identification.data import OFFSET, Delay, ForcesFit, Period, PreparedLog, prepare_log
 from p3dof.loops.identification.estimates import EstimationMethod, ParameterEstimate, estimate_parameters
-from p3dof.loops.identification.forces import IdentifiableForces, Rows
+from p3dof.loops.identification.forces import IdentifiableForces, Rows, bodies_of, require_possible
 from p3dof.loops.identification.logs import MotorLog, beyond_limits, excitation_told
 
 _INFORMED = 4.0
@@ -148,6 +148,10 @@ def identify(
     """
     count, m = len(forces.names), len(forces.actuators)
     prior = forces.deviations() if deviations is None else frozen_array("deviations", deviations, (count,))
+    for first in bodies_of(forces.names) if consistent else ():
+        if prior[first : first + 10].any():
+            body = forces.names[first].rpartition(".")[0]
+            require_possible(f"{body} in the design", forces.design[first : first + 10])
     data = prepare_log(forces, log, period=period, smooth=smooth, delay=delay, deviations=prior, check=check)
     columns, design, doubt, names = data.rows.columns, forces.design, prior, tuple(forces.names)
     if offsets:
