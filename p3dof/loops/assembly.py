@@ -427,7 +427,7 @@ _GAIN = 1e-4  # share of the predicted decrease from which on a step is taken
 _STALLED = 1e-13  # relative step after which nothing moves any more
 _SLOW = 40  # steps within which the residual must halve
 _LARGEST = 1e12  # damping, relative to its start, at which a start is given up
-_BEYOND = 1e-9  # distance from which on a joint is beyond its limit [m or rad]
+BEYOND = 1e-9  # distance from which on a joint is beyond its limit [m or rad]
 _AT_LIMIT = 1e-12  # distance at which a joint is at its limit [m or rad]
 
 
@@ -448,7 +448,7 @@ class Limits:
         """Return by how much joints are beyond their limits [m or rad], negative if below."""
         values = q[self.q]
         over = np.maximum(values - self.upper, 0.0) + np.minimum(values - self.lower, 0.0)
-        return {self.names[i]: float(over[i]) for i in np.flatnonzero(np.abs(over) > _BEYOND)}
+        return {self.names[i]: float(over[i]) for i in np.flatnonzero(np.abs(over) > BEYOND)}
 
     def inside(self, q: FloatArray) -> FloatArray:
         """Return the configuration (nq,) with these joints moved to their limits, whole turns first.
@@ -458,7 +458,7 @@ class Limits:
         q = q.copy()
         turn = np.where(self._lengths, np.inf, 2 * np.pi)
         over = np.maximum(q[self.q] - self.upper, 0.0) + np.minimum(q[self.q] - self.lower, 0.0)
-        over = np.where(np.abs(over) > _BEYOND, over, 0.0)
+        over = np.where(np.abs(over) > BEYOND, over, 0.0)
         with np.errstate(invalid="ignore"):
             turns = np.where(self._lengths, 0.0, np.sign(over) * np.ceil(np.abs(over) / turn))
         shifted = q[self.q] - np.where(turns == 0, 0.0, turns * 2 * np.pi)

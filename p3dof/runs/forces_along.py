@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 
 from p3dof._base.checks import FloatArray, Watch
 from p3dof._base.errors import AssemblyError, DynamicsError, InputError, P3dofError, SingularityError
@@ -15,12 +17,15 @@ from p3dof._base.tables import Tabular
 from p3dof._base.time_series.joint_files import JointCurve, read_joints
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof._base.time_series.wrenches import WrenchHistory
-from p3dof.loops import ClosedLoopModel
+from p3dof.loops import BatchInverseDynamics, BatchStates, ClosedLoopModel
 from p3dof.loops.compiled.kept import Method
-from p3dof.loops.tables import is_slide, joint_values, overview, units_of_actuated
+from p3dof.loops.linear import RANK_TOLERANCE, orientation
+from p3dof.loops.tables import closure_conditioning, is_slide, joint_values, overview, units_of_actuated
 from p3dof.runs.following import follow_motion
 from p3dof.runs.joint_controllers import JointReference
+from p3dof.runs.margins import DEPENDENT, GROWING, SINGULAR, Stop
 from p3dof.runs.plants import ExternalOverTime, Loads
+from p3dof.runs.results import Limited
 
 _FEWEST, _MOST = 200, 4000  # steps of a curve that its forces begin with, and beyond which they do not go
 _SETTLED = 3e-4  # share by which twice as many samples may change peaks, RMS and power
@@ -28,49 +33,47 @@ _SHOWN, _FRAMES = 4.0, 201  # how long a motion through the ranges is [s], and h
 _SHARE, _SHRINKINGS = 0.6, 14  # how much of each range it begins with, and how often it becomes smaller
 _MOST_TURN = 1.2  # how far a motor turns to either side at most [rad]
 _NEAR_SINGULAR = 3.0  # how many times faster than at home joints may move with the motors
-_ON_LIMIT = 1e-9  # how far beyond a limit a joint may be by rounding [m or rad]
 _AT_REST = 1e-2  # share of its largest speed below which a joint is at rest
 
 
-def _unwatched(_name: str, _total: int) -> AbstractContextManager[None]:
-    return nullcontext()
-
-
 @dataclass(frozen=True, eq=False)
-class RobotForces(Tabular):
+class RobotForces(Limited, Tabular):
     """Forces along a motion, with the motion of all joints."""
 
-    robot: ClosedLoopModel  # what moves
+    loop: ClosedLoopModel  # what moves
     time: FloatArray  # (N,): times [s]
     q: FloatArray  # (N, nq): configurations
     v: FloatArray  # (N, nv): velocities and accelerations
     a: FloatArray
-    tau: FloatArray  # (N, n_actuated): forces of the actuated joints [N or N m]
+    forces: FloatArray  # (N, n_actuated): forces of the actuated joints [N or N m]
     gap: float  # largest gap of a loop [m or rad], and largest error of the equation of motion [N or N m]
     residual: float
     remarks: tuple[str, ...] = ()  # what there is to know about the motion, one sentence each
 
     @property
-    def forces(self) -> FloatArray:
-        """Forces of the actuated joints, as a run in time calls them."""
-        return self.tau
+    def within_limits(self) -> bool:
+        """Whether no joint leaves its limits of position."""
+        return all(one.quantity != "position" for one in self.exceedances())
+
+    def crossing(self) -> Stop | None:
+        """Return where closures first become dependent, also between samples."""
+        steps = pairwise(zip(self.time, self.q, strict=True))
+        return next(filter(None, (_dependent(self.loop, *step) for step in steps)), None)
 
     def to_columns(self) -> dict[str, FloatArray]:
         """Return times, forces of the actuated joints, and all joints, (N,) each, by name and unit."""
-        units = units_of_actuated(self.robot)
-        rows = [joint_values(self.robot, q) for q in self.q]
-        found = {"t [s]": self.time}
-        for k, (name, (_, unit)) in enumerate(zip(self.robot.actuated, units, strict=True)):
-            found[f"force {name} [{unit}]"] = self.tau[:, k]
-        for name in rows[0]:
-            values = np.array([row[name] for row in rows])
-            joint = self.robot.model.getJointId(name)
-            if self.robot.model.nvs[joint] != 1:
-                found |= {f"{name}.{i}": column for i, column in enumerate(values.T)}
-            elif is_slide(self.robot, joint):
-                found[f"{name} [m]"] = values[:, 0]
+        loop, found = self.loop, {"t [s]": self.time}
+        for name, (_, unit), forces in zip(
+            loop.actuated, units_of_actuated(loop), self.forces.T, strict=True
+        ):
+            found[f"force {name} [{unit}]"] = forces
+        for joint, name in enumerate(map(str, loop.model.names)):
+            if loop.model.nvs[joint] != 1:
+                found |= {f"{name}.{i}": column for i, column in enumerate(self.values(name).T)}
+            elif is_slide(loop, joint):
+                found[f"{name} [m]"] = self.values(name)
             else:
-                found[f"{name} [rad]"] = np.unwrap(values[:, 0])
+                found[f"{name} [rad]"] = np.asarray(np.unwrap(self.values(name)))
         return found
 
 
@@ -82,7 +85,7 @@ def forces_along(
     equilibrium: bool = False,
     method: Method = "general",
     smooth: Smooth = None,
-    watch: Watch = _unwatched,
+    watch: Watch = lambda *_: nullcontext(),
 ) -> RobotForces:
     """Return the forces of the actuated joints along a motion of them, passive freedoms moving freely."""
     if not robot.actuated:
@@ -144,31 +147,36 @@ def through_ranges(
         target = home + amplitude * np.sin(angles)
         rates = amplitude * turns * np.cos(angles), -amplitude * turns**2 * np.sin(angles)
         states = robot.complete_batch(target, *rates, guess=q, method=method)
-        if states.errors or not states.same_assembly.all() or not _within_limits(robot, states.q):
+        if states.errors or not states.same_assembly.all():
             continue
         sizes = np.linalg.norm(states.influence, axis=(1, 2))
         if sizes.max() > _NEAR_SINGULAR * sizes[0]:
             continue
         found = robot.inverse_dynamics_batch(states.q, states.v, states.a, method=method)
         if not found.errors and np.isfinite(found.tau).all() and found.tau.shape[1] == count:
-            gap, residual = (
-                float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual)
-            )
             told = ("A motion through the ranges of the motors, to show what they move.",)
-            return RobotForces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)
+            shown = _found(robot, time, states, found, told)
+            if shown.within_limits:
+                return shown
     return None
 
 
-def _within_limits(robot: ClosedLoopModel, q: FloatArray) -> bool:
-    """Whether all joints of one number stay within their limits."""
-    model = robot.model
-    places = [model.idx_qs[i] for i in range(1, model.njoints) if model.nqs[i] == 1]
-    low, high = (np.asarray(limit)[places] for limit in (model.lowerPositionLimit, model.upperPositionLimit))
-    real = high > low
-    return bool(
-        np.all((q[:, places] >= low - _ON_LIMIT) | ~real)
-        and np.all((q[:, places] <= high + _ON_LIMIT) | ~real)
-    )
+def _dependent(
+    robot: ClosedLoopModel, one: tuple[float, FloatArray], other: tuple[float, FloatArray], halvings: int = 40
+) -> Stop | None:
+    """Return where closures become dependent from one time and configuration to another.
+
+    Their Jacobian then changes its orientation, between configurations however near: else it only turned.
+    """
+    (start, low), (end, high) = one, other
+    if closure_conditioning(robot, high, robot.rank(robot.regular_configuration)) < DEPENDENT:
+        return Stop(SINGULAR, float(end), GROWING)
+    J = robot.closure_jacobian
+    if not halvings or orientation(J(low), J(high), RANK_TOLERANCE) > 0:
+        return None
+    middle = (start + end) / 2, robot.assemble(guess=pin.interpolate(robot.model, low, high, 0.5)).q
+    left = halvings - 1
+    return _dependent(robot, one, middle, left) or _dependent(robot, middle, other, left)
 
 
 def _settled(before: FloatArray, after: FloatArray) -> bool:
@@ -237,21 +245,32 @@ def _forces_at(
     values, velocities, accelerations = curve.at(time)
     start = robot.assemble(values[0]).q
     states = robot.complete_batch(values, velocities, accelerations, start, stop=True, method=method)
+    for k in filter(None, states.errors):  # at most one: it stopped there
+        with suppress(AssemblyError):
+            there = time[k], robot.assemble(values[k], states.q[k - 1]).q
+            if (stop := _dependent(robot, there, there)) is not None:
+                raise DynamicsError(str(stop)) from states.errors[k]
     _require(states.errors, time)
     acting = loads.over(time - curve.time[0])
     found = robot.inverse_dynamics_batch(
         states.q, states.v, states.a, external=acting, stop=True, method=method
     )
     _require(found.errors, time)
-    gap, residual = (float(np.abs(array).max(initial=0.0)) for array in (found.closure_error, found.residual))
-    return RobotForces(robot, time, states.q, states.v, states.a, found.tau, gap, residual, told)
+    return _found(robot, time, states, found, told)
+
+
+def _found(
+    robot: ClosedLoopModel, time: FloatArray, at: BatchStates, by: BatchInverseDynamics, told: tuple[str, ...]
+) -> RobotForces:
+    gap, residual = (float(np.abs(array).max(initial=0.0)) for array in (by.closure_error, by.residual))
+    return RobotForces(robot, time, at.q, at.v, at.a, by.tau, gap, residual, told)
 
 
 def _sizes(found: RobotForces) -> FloatArray:
     """Return peak, RMS and largest power of every actuator, (3, n_actuated)."""
-    power = found.tau * found.v[:, found.robot.actuated_v]
-    mean = np.trapezoid(found.tau**2, found.time, axis=0) / (found.time[-1] - found.time[0])
-    return np.array([np.abs(found.tau).max(axis=0), np.sqrt(mean), np.abs(power).max(axis=0)])
+    power = found.forces * found.v[:, found.loop.actuated_v]
+    mean = np.trapezoid(found.forces**2, found.time, axis=0) / (found.time[-1] - found.time[0])
+    return np.array([np.abs(found.forces).max(axis=0), np.sqrt(mean), np.abs(power).max(axis=0)])
 
 
 def _ends(robot: ClosedLoopModel, curve: JointCurve) -> tuple[str, ...]:

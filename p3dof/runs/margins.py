@@ -159,7 +159,8 @@ JOINT_LIMIT, SINGULAR = "joint limit", "singular closures"
 ROBOT_KINDS = (JOINT_LIMIT, SINGULAR)
 """What can end a run of any robot, besides its events."""
 
-_DEPENDENT = 1e-5  # smallest singular value of independent closures, the largest being 1
+GROWING = "the closures become dependent: their forces may grow without end"
+DEPENDENT = 1e-5  # smallest singular value of independent closures, the largest being 1
 _KEPT = 200  # most singular values that are remembered: a step asks for the same states more than once
 
 
@@ -212,7 +213,7 @@ class RobotMargins:
             words = f"the joint {shown(self._joints[at])} at its {end} limit, {limit:.6g}"
             return Stop(JOINT_LIMIT, time, words)
         if index == 2 * count:
-            return Stop(SINGULAR, time, "the closures become dependent: their forces may grow without end")
+            return Stop(SINGULAR, time, GROWING)
         assert self._happening is not None  # noqa: S101 - there are no other margins
         return self._happening.stop(index - 2 * count - 1, time)
 
@@ -233,5 +234,5 @@ class RobotMargins:
 
             if len(self._known) >= _KEPT:
                 self._known.clear()
-            self._known[key] = closure_conditioning(self._plant.loop, q, self._rank) - _DEPENDENT
+            self._known[key] = closure_conditioning(self._plant.loop, q, self._rank) - DEPENDENT
         return self._known[key]

@@ -31,18 +31,18 @@ _ARRAYS = ("time", "q", "v", "a", "forces", "asked", "gap", "energy")
 
 @dataclass(frozen=True)
 class JointExceedance(Readable):
-    """A limit of a joint's force or speed that a run exceeds, where it does so the most.
+    """A limit of a joint's force, speed or position that a run exceeds, where it does so the most.
 
     Parameters
     ----------
     quantity : str
-        ``"force"`` or ``"speed"``.
+        ``"force"``, ``"speed"`` or ``"position"``.
     joint : str
         The joint.
     time : float
         When [s].
     value, limit : float
-        What it is then, and the limit of the robot's file.
+        What it is then, and the limit of the robot's file on its side.
     unit : str
         Of both.
     """
@@ -137,8 +137,59 @@ class RunResult:
         return np.asarray(self.error)
 
 
+class Limited:
+    """A motion of any robot with its forces, held against the limits of the robot's file."""
+
+    loop: ClosedLoopModel
+    time: FloatArray
+    q: FloatArray
+    v: FloatArray
+    forces: FloatArray
+
+    def exceedances(self) -> tuple[JointExceedance, ...]:
+        """Return which limits in the robot's file samples exceed, each at its worst.
+
+        They are those of forces of actuators, and of speeds and positions of joints. A limit of force or
+        speed that is zero or infinite is none: so are files that leave them out. A joint has limits of
+        position if the lower is below the upper.
+        """
+        from p3dof.loops.assembly import BEYOND, Limits
+        from p3dof.loops.tables import is_slide
+
+        loop, model, found, ends = self.loop, self.loop.model, [], Limits(self.loop.model)
+        effort, speed = model.upperEffortLimit[loop.actuated_v], model.upperVelocityLimit
+        most = [("force", *one) for one in zip(loop.actuated, self.forces.T, effort, strict=True)]
+        single = [(str(model.names[i]), model.idx_vs[i]) for i in range(model.njoints) if model.nvs[i] == 1]
+        most += [("speed", name, self.v[:, at], speed[at]) for name, at in single]
+        rows = [(*one, -one[-1], 1e-12 * one[-1]) for one in most if one[-1] > 0]
+        limits = zip(ends.names, self.q[:, ends.q].T, ends.upper, ends.lower, strict=True)
+        rows += [("position", *one, BEYOND) for one in limits if one[-1] < one[-2]]
+        units = {"force": ("N m", "N"), "speed": ("rad/s", "m/s"), "position": ("rad", "m")}
+        for quantity, name, values, high, low, least in rows:
+            at = int(np.argmax(np.maximum(values - high, low - values)))
+            value, limit = float(values[at]), float(high if values[at] > high else low)
+            if max(value - high, low - value) > least:
+                unit = units[quantity][is_slide(loop, model.getJointId(name))]
+                found.append(JointExceedance(quantity, name, float(self.time[at]), value, limit, unit))
+        return tuple(found)
+
+    def values(self, name: str) -> FloatArray:
+        """Return the values of a joint (N,) or (N, n) [m, rad]; those of a continuous one go on after a turn.
+
+        Parameters
+        ----------
+        name : str
+            The joint; it must exist.
+        """
+        model, joint = self.loop.model, self.loop.model.getJointId(name)
+        at, size = model.idx_qs[joint], model.nqs[joint]
+        if size == 2 and model.nvs[joint] == 1:
+            return np.asarray(np.unwrap(np.arctan2(self.q[:, at + 1], self.q[:, at])))
+        return self.q[:, at] if size == 1 else self.q[:, at : at + size]
+
+
 @dataclass(frozen=True, eq=False)
-class RobotRun(RunResult, Tabular):
+class RobotRun(RunResult, Limited, Tabular):
     """A simulation of any robot.
 
     Parameters
@@ -260,34 +311,6 @@ class RobotRun(RunResult, Tabular):
         solver = ReactionSolver(self.loop, joints)
         return reactions_batch(solver, self.q, self.v, self.a, self.forces, dict(self.external))
 
-    def exceedances(self) -> tuple[JointExceedance, ...]:
-        """Return which limits of force and speed in the robot's file samples exceed, each at its worst.
-
-        A limit that is zero or infinite is none: so are files that leave them out.
-        """
-        from p3dof.loops.tables import is_slide
-
-        model, found = self.loop.model, []
-        effort, speed = np.asarray(model.upperEffortLimit), np.asarray(model.upperVelocityLimit)
-        columns = [
-            ("force", name, self.forces[:, i], float(effort[at]))
-            for i, (name, at) in enumerate(zip(self.loop.actuated, self.loop.actuated_v, strict=True))
-        ]
-        single = [i for i in range(1, model.njoints) if model.nvs[i] == 1]
-        columns += [
-            ("speed", str(model.names[i]), self.v[:, model.idx_vs[i]], float(speed[model.idx_vs[i]]))
-            for i in single
-        ]
-        for quantity, name, values, limit in columns:
-            at = int(np.argmax(np.abs(values)))
-            if 0 < limit < np.inf and abs(values[at]) > limit * (1 + 1e-12):
-                slides = is_slide(self.loop, model.getJointId(name))
-                unit = {"force": ("N m", "N"), "speed": ("rad/s", "m/s")}[quantity][slides]
-                found.append(
-                    JointExceedance(quantity, name, float(self.time[at]), float(values[at]), limit, unit)
-                )
-        return tuple(found)
-
     def to_columns(self, multipliers: bool = False) -> dict[str, FloatArray]:
         """Return time, joints, velocities, forces, energy and gap (N,) by name; and `multipliers`."""
         model, names = self.loop.model, [str(name) for name in self.loop.model.names[1:]]
@@ -380,20 +403,6 @@ class RobotRun(RunResult, Tabular):
         external = {str(name): found["external"][:, i] for i, name in enumerate(found["frames"])}
         arrays = {name: found[name] for name in _ARRAYS}
         return cls(loop, **arrays, external=external, **archive.ending_of(found))
-
-    def values(self, name: str) -> FloatArray:
-        """Return the values of a joint (N,) or (N, n) [m, rad]; those of a continuous one go on after a turn.
-
-        Parameters
-        ----------
-        name : str
-            The joint; it must exist.
-        """
-        model, joint = self.loop.model, self.loop.model.getJointId(name)
-        at, size = model.idx_qs[joint], model.nqs[joint]
-        if size == 2 and model.nvs[joint] == 1:
-            return np.asarray(np.unwrap(np.arctan2(self.q[:, at + 1], self.q[:, at])))
-        return self.q[:, at] if size == 1 else self.q[:, at : at + size]
 
     def _closure_names(self) -> list[str]:
         """Return the names of all multipliers."""

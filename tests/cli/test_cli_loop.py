@@ -345,6 +345,67 @@ def test_values_of_a_motion_are_points_of_a_curve(capsys, tmp_path, five_bar):
     assert np.abs(found["--samples", 6] / fine - 1).max() > 0.1
 
 
+def slide_forces(capsys, folder, values, *options):
+    """`forces` of 2 kg on a slide, up to 9 m, 9 m/s and 9 N, through values of whole seconds."""
+    urdf, path = folder / "slide.urdf", folder / "slide.csv"
+    body = robots.link("body", robots.Solid(2.0, (0, 0, 0), (0.1, 0, 0, 0.1, 0, 0.1)))
+    slide = robots.joint("slide", "base", "body", axis=(1, 0, 0), kind="prismatic")
+    urdf.write_text(robots.robot(robots.link("base"), body, slide))
+    urdf.with_suffix(".yaml").write_text("closed_loop: []\ntype: []\nname_mot: [slide]\n")
+    path.write_text("t,slide\n" + "".join(f"{t},{value}\n" for t, value in enumerate(values)))
+    return loop(capsys, "forces", urdf, "--motion", path, *options)
+
+
+def test_limits_of_the_file_are_told_of_forces_too(capsys, tmp_path):
+    """x = -10 t² has 40 N, 40 m/s at its end, and leaves the slide; 8.9 m in a second is only too fast."""
+    code, out, err = slide_forces(capsys, tmp_path, (0, -10, -40))
+    lines = [line for line in out.splitlines() if "limit exceeded" in line]
+    assert (code, err, len(lines)) == (1, "", 3)
+    assert re.fullmatch(r"limit exceeded: force of slide: -40 N at t = \S+ s, limit -9 N", lines[0])
+    assert lines[1:] == [
+        "limit exceeded: speed of slide: -40 m/s at t = 2 s, limit -9 m/s",
+        "limit exceeded: position of slide: -40 m at t = 2 s, limit -9 m",
+    ]
+    code, out, _ = slide_forces(capsys, tmp_path, (0, -10, -40), "--json")
+    assert (code, json.loads(out)["warnings"]) == (1, lines)
+    code, out, _ = slide_forces(capsys, tmp_path, (0, 9.0, 9.0), "--json")
+    told = json.loads(out)["warnings"]
+    assert (code, len(told)) == (1, 3)  # the curve goes beyond its values
+    code, out, _ = slide_forces(capsys, tmp_path, (0, 2.5, 9.0), "--json")
+    assert (code, json.loads(out)["warnings"]) == (0, [])
+    code, out, _ = slide_forces(capsys, tmp_path, (-9.0, 0.5), "--json")
+    assert code == 0
+    assert json.loads(out)["warnings"] == ["limit exceeded: speed of slide: 9.5 m/s at t = 0 s, limit 9 m/s"]
+
+
+@pytest.mark.parametrize("samples", [(), ("--samples", 302), ("--samples", 5), ("--samples", 4)])
+def test_forces_tell_where_closures_become_dependent(capsys, tmp_path, samples):
+    """A parallelogram lies flat at a crank of 0 deg, after one second; some samples meet it."""
+    urdf, path = tmp_path / "flat.urdf", tmp_path / "crank.csv"
+    urdf.write_text(robots.four_bar(0.5, 0.2, 0.5, 0.2))
+    reference = "reference: {crank_joint: 1.0, coupler_joint: -1.0, rocker_joint: 1.0}\n"
+    urdf.with_suffix(".yaml").write_text(robots.FOUR_BAR_SIDECAR.to_yaml() + reference)
+    path.write_text("t,crank_joint [deg]\n0,-30\n1,0\n2,30\n3,60\n")
+    code, out, err = loop(capsys, "forces", urdf, "--motion", path, *samples)
+    when = re.search(r"singular closures at t = (\S+) s: the closures become dependent", out + err)
+    assert code == 1
+    assert float(when[1]) == pytest.approx(1.0, abs=1e-3)
+    path.write_text("t,crank_joint [deg]\n0,2\n1,30\n2,90\n3,178\n")
+    code, out, err = loop(capsys, "forces", urdf, "--motion", path, *samples, "--json")
+    assert (code, err, json.loads(out)["warnings"]) == (0, "", [])
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4, 5, 9, 200])
+def test_few_samples_are_no_singularity(capsys, tmp_path, samples):
+    """A crank that goes round turns the Jacobian, too: by half a turn between two of three samples."""
+    path = tmp_path / "round.csv"
+    path.write_text("t,crank_joint [deg]\n" + "".join(f"{t},{60 * t}\n" for t in range(7)))
+    code, out, err = loop(
+        capsys, "forces", GALLERY / "four_bar.urdf", "--motion", path, "--samples", samples, "--json"
+    )
+    assert (code, err, json.loads(out)["warnings"]) == (0, "", [])
+
+
 def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
     urdf, path = tmp_path / "short.urdf", tmp_path / "far.csv"
     urdf.write_text(robots.four_bar(0.5, 0.45, 0.3, 0.35))

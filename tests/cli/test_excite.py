@@ -47,7 +47,7 @@ def test_any_robots_motion_is_written(capsys, tmp_path):
     assert (code, err) == (0, "")
     assert "crank_joint" in text
     along = forces_along(load_robot(robot), out, samples=50)
-    assert np.isfinite(along.tau).all()
+    assert np.isfinite(along.forces).all()
 
 
 def test_the_figure_has_limits_and_every_coordinate():

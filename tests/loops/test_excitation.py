@@ -293,7 +293,7 @@ def test_a_crank_of_any_robot(tmp_path):
     assert one.coordinates == robot.actuated
     along = forces_along(robot, one.to_csv(tmp_path / "crank.csv"), samples=len(tau))
     # The file's values are those of a curve that is not quite the motion between them.
-    assert_allclose(along.tau, tau, rtol=0, atol=1e-3 * np.abs(tau).max())
+    assert_allclose(along.forces, tau, rtol=0, atol=1e-3 * np.abs(tau).max())
 
 
 @pytest.mark.slow
@@ -303,7 +303,7 @@ def test_parallel_robots_are_excited_within_their_limits(name, tmp_path):
     robot, one, tau = of_robot(name, harmonics=3, motions=150)
     assert rms(one.workspace_error) < rms(short.workspace_error)
     along = forces_along(robot, one.to_csv(tmp_path / "motion.csv"), samples=len(tau))
-    assert_allclose(along.tau, tau, rtol=0, atol=1e-3 * np.abs(tau).max())
+    assert_allclose(along.forces, tau, rtol=0, atol=1e-3 * np.abs(tau).max())
 
 
 @pytest.mark.parametrize(

@@ -223,8 +223,8 @@ def test_a_load_on_any_robot_stays_with_joints_of_the_same_clock():
         load = WrenchHistory.from_csv(
             io.StringIO(table(stamps(26, "0.02", later), rows, "t,fx,fy,fz,mx,my,mz"))
         )
-        found.append(forces_along(robot, io.StringIO(joints), 51, {"left_tip": load}).tau)
-    bare = forces_along(robot, io.StringIO(joints), 51).tau
+        found.append(forces_along(robot, io.StringIO(joints), 51, {"left_tip": load}).forces)
+    bare = forces_along(robot, io.StringIO(joints), 51).forces
     np.testing.assert_allclose(*found, atol=1e-5)  # 2.4e-7 s at most between the two, at 50 N/s
     assert np.abs(found[1] - bare).max() > 0.05
 

@@ -453,6 +453,14 @@ def test_forces_and_speeds_beyond_the_file_are_told():
     assert not simulate_robot(
         slider(effort=0, velocity=0), 1.0, controller=[3.0], samples=3, method="general"
     ).exceedances()
+    for method in ("general", "compiled"):
+        at_end, beyond = (
+            simulate_robot(slider(upper=0.25), 1.0, controller=[3.0], samples=3, stop_at=kinds, method=method)
+            for kinds in (["joint limit"], [])
+        )
+        assert (at_end.stop.kind, at_end.exceedances()) == ("joint limit", ())
+        (left,) = beyond.exceedances()
+        assert str(left) == "position of slide: 0.75 m at t = 1 s, limit 0.25 m"
 
 
 def test_a_run_starts_where_an_initial_state_says():

@@ -104,7 +104,7 @@ def test_without_a_motion_the_motors_swing_where_they_alone_move_the_robot(name)
     for i in range(0, 201, 20):
         assert np.abs(robot.closure_error(found.q[i])).max() < 1e-10
         one = robot.inverse_dynamics(found.q[i], found.v[i], found.a[i])
-        np.testing.assert_allclose(found.tau[i], one.tau, rtol=0, atol=1e-9 * np.abs(found.tau).max())
+        np.testing.assert_allclose(found.forces[i], one.tau, rtol=0, atol=1e-9 * np.abs(found.forces).max())
     middle = pin.difference(robot.model, found.q[99], found.q[101]) / 0.04
     np.testing.assert_allclose(found.v[100], middle, rtol=0, atol=2e-3 * np.abs(found.v).max())
 

@@ -8,11 +8,12 @@ from typing import Literal
 import click
 
 from p3dof._base.time_series.smoothing import Smooth
+from p3dof.cli.app import FAILED
 from p3dof.cli.files import InputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import SMOOTH, Whole, table_out
 from p3dof.cli.loop import loop
-from p3dof.cli.loop.robot import EXTERNAL, METHOD, externals, with_robot
-from p3dof.cli.output import print_plain, print_written, progress_bar, show
+from p3dof.cli.loop.robot import EXTERNAL, METHOD, exceeded, externals, with_robot
+from p3dof.cli.output import print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel
 from p3dof.loops.tables import actuators_table, motors_table
 from p3dof.runs.forces_along import forces_along
@@ -55,7 +56,7 @@ def forces(
     """Compute the actuator forces of a robot over a motion: prints peaks, writes all samples.
 
     Uncontrolled degrees of freedom move by their dynamics. Exit code 1 when the robot cannot perform the
-    motion.
+    motion: its loops do not close, closures become dependent, or a joint leaves its limits.
     """
     protect([*inputs, motion_file], [out])
     found = forces_along(
@@ -63,11 +64,13 @@ def forces(
     )
     written = write_results(found.to_csv, out)
     console = console_beside(out)
-    motors = motors_table(robot, found.tau, found.v)
-    show(console, actuators_table(robot, found.time, found.tau, found.v), *([motors] if motors else []))
+    motors = motors_table(robot, found.forces, found.v)
+    show(console, actuators_table(robot, found.time, found.forces, found.v), *([motors] if motors else []))
+    stop = found.crossing()
+    print_warnings(console, [*([] if stop is None else [str(stop)]), *exceeded(found.exceedances())])
     for remark in found.remarks:
         print_plain(console, remark)
     print_plain(console, f"{len(found.time)} samples of the curve through the values of the file.")
     print_plain(console, f"Largest gap {found.gap:.1e} m or rad, residual {found.residual:.1e} N or N m.")
     print_written(console, written)
-    return 0
+    return 0 if stop is None and found.within_limits else FAILED

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,6 +45,8 @@ from p3dof.loops.xml_text import Macros
 
 if TYPE_CHECKING:
     from p3dof.viewer.document.figure import RobotFigure
+
+_MOST = 8  # exceeded limits that are listed
 
 _ROBOT = options(
     click.argument("file", type=InputFile()),
@@ -281,6 +283,12 @@ def externals(texts: tuple[str, ...]) -> dict[str, FloatArray | WrenchHistory]:
             raise InputError(f"--external {name}: expected three or six numbers, got {len(numbers)}")
         found[name] = np.array([*numbers, 0.0, 0.0, 0.0][:6])
     return found
+
+
+def exceeded(found: Sequence[object]) -> list[str]:
+    """Return what is said of limits that are exceeded: the first ones."""
+    more = [f"{len(found) - _MOST} more limits are exceeded"] if len(found) > _MOST else []
+    return [*(f"limit exceeded: {one}" for one in found[:_MOST]), *more]
 
 
 def numbers_of(option: str, text: str) -> FloatArray:

@@ -23,6 +23,7 @@ from p3dof.cli.loop.robot import (
     AT,
     EXTERNAL,
     assembled,
+    exceeded,
     externals,
     force_option,
     forces_of,
@@ -59,9 +60,6 @@ _WORDS = {
     "allow it by time_limit": "allow it by --time-limit",
 }
 """What arguments of Python are here."""
-
-_MOST = 8
-"""Most exceeded limits that are listed."""
 
 
 class _Saturation(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
@@ -246,9 +244,7 @@ def simulate(
     console = console_beside(out)
     show(console, _table(run))
     told = [] if run.stop is None else [f"ended by {run.stop}"]
-    beyond = [f"limit exceeded: {one}" for one in run.exceedances()]
-    more = [f"{len(beyond) - _MOST} more limits are exceeded"] if len(beyond) > _MOST else []
-    print_warnings(console, [*told, *beyond[:_MOST], *more])
+    print_warnings(console, [*told, *exceeded(run.exceedances())])
     if run.note:
         print_plain(console, run.note)
     print_written(console, written)
