@@ -270,10 +270,6 @@ def columns_of_items(items: Sequence[object], fields: Mapping[str, str]) -> Colu
 
 def dataset_of(columns: Mapping[str, NDArray[Any]], row: str) -> Any:
     """Return columns as a Dataset; the one that is called as its dimension, or else a number, counts rows."""
-    try:
-        import xarray  # type: ignore[import-not-found,unused-ignore]
-    except ImportError as error:
-        raise MissingExtraError("to_dataset needs xarray: pip install 'p3dof[xarray]'") from error
     found: dict[str, Any] = {}
     for header, values in columns.items():
         name, unit = name_and_unit(header)
@@ -281,4 +277,13 @@ def dataset_of(columns: Mapping[str, NDArray[Any]], row: str) -> Any:
         found[name] = (row, values, {"units": unit} if unit else {})
     if row not in found:
         found[row] = (row, np.arange(len(next(iter(columns.values()), ()))))
-    return xarray.Dataset(found)
+    return require_xarray().Dataset(found)
+
+
+def require_xarray(what: str = "to_dataset") -> Any:
+    """Return xarray; an error says what needs it."""
+    try:
+        import xarray  # type: ignore[import-not-found,unused-ignore]
+    except ImportError as error:
+        raise MissingExtraError(f"{what} needs xarray: pip install 'p3dof[xarray]'") from error
+    return xarray

@@ -20,6 +20,7 @@ from rich.console import Console
 from p3dof._base.checks import meant
 from p3dof._base.errors import MissingExtraError, P3dofError
 from p3dof._base.files import SUFFIXES, check_generated, check_writable, suffix_of, together, write_generated
+from p3dof._base.tables import require_xarray
 from p3dof.cli.app import require_standard_output
 from p3dof.cli.output import print_plain, say, streamed
 
@@ -92,19 +93,18 @@ class OutputFile(_Named):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
         """Return the path."""
-        if str(value) == "-" and ctx is not None:
-            require_standard_output(param, ctx)
-            first = SUFFIXES[self._kind][0]
-            _require_library(self._kind, first)
-            return STREAM if self._stream else streamed(f"output{first}", ctx)
-        if self._folder and str(value) != "-" and not Path(value).suffix and str(value):
+        named = str(value) != "-" or ctx is None
+        if self._folder and named and not Path(value).suffix and str(value):
             return Path(value)
         try:
-            suffix = suffix_of(value, self._kind)
+            suffix = suffix_of(value, self._kind) if named else SUFFIXES[self._kind][0]
+            _require_library(self._kind, suffix)
         except P3dofError as error:
             self.fail(str(error), param, ctx)
-        _require_library(self._kind, suffix)
-        return Path(value)
+        if ctx is None or named:
+            return Path(value)
+        require_standard_output(param, ctx)
+        return STREAM if self._stream else streamed(f"output{suffix}", ctx)
 
 
 def _require_library(kind: str, suffix: str) -> None:
@@ -117,6 +117,8 @@ def _require_library(kind: str, suffix: str) -> None:
         from p3dof.report.templates import require_reports
 
         require_reports()
+    if kind == "map":
+        require_xarray(f"a map ({suffix})")
     if kind in ("report", "film", "picture", "show") and suffix != ".html":
         from p3dof.viewer.headless import require_playwright
 

@@ -2,10 +2,13 @@
 
 import csv
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
+from command_line import run
 
 import p3dof
 from p3dof.analysis.indices import COLUMNS
@@ -137,3 +140,18 @@ def test_bad_input_of_indices_is_one_line(options, code, message, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("library", ["xarray", "pandas"])
+def test_a_map_is_drawn_without_xarray_and_no_netcdf_is_begun(library, tmp_path, capsys, monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "xarray"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, "workspace", "--figure", "map.png", "--index", "serial_a")
+    assert (code, err) == (0, "")
+    assert Path("map.png").read_bytes()[:4] == b"\x89PNG"
+    for name in ("map.nc", "-"):
+        code, out, err = run(capsys, "workspace", "--out", name)
+        assert (code, out) == (2, "")
+        assert "'--out': a map (.nc) needs xarray: pip install 'p3dof[xarray]'" in err

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from p3dof._base.checks import FloatArray, Readable, as_floats, batch_of, meant, positive, shown
-from p3dof._base.errors import InputError, MissingExtraError
+from p3dof._base.errors import InputError
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.samples import OnInvalid
 from p3dof._base.tables import (
@@ -27,6 +27,7 @@ from p3dof._base.tables import (
     html_of,
     notebook_html,
     number,
+    require_xarray,
     table_of,
 )
 from p3dof._base.version import __version__
@@ -201,10 +202,6 @@ def dataset_of(
     found: Any, columns: Mapping[str, NDArray[Any]], dims: Sequence[str], coords: Mapping[str, Any]
 ) -> Any:
     """Return columns of indices as an `xarray.Dataset`."""
-    try:
-        import xarray  # type: ignore[import-not-found,unused-ignore]
-    except ImportError as error:
-        raise MissingExtraError("to_dataset needs xarray: pip install 'p3dof[xarray]'") from error
     if len(dims) != len(found.shape):
         raise InputError(f"dims: expected {len(found.shape)} names, one for each axis, got {len(dims)}")
     variables = {}
@@ -225,7 +222,7 @@ def dataset_of(
         "drive stiffness [N/m]": found.drive_stiffness,
     }
     attributes = {name.partition(" [")[0].replace(" ", "_"): value for name, value in told.items()}
-    return xarray.Dataset(variables, coords=coords, attrs=attributes)
+    return require_xarray().Dataset(variables, coords=coords, attrs=attributes)
 
 
 def write_dataset(dataset: Any, path: str | os.PathLike[str]) -> Path:

@@ -358,14 +358,7 @@ class Workspace(ShownInNotebook):
         MissingExtraError
             If xarray is not installed.
         """
-        axes = [
-            _axis(name, given, ends, count)
-            for name, given, ends in (("y", y, self.points.y), ("theta", theta, self.points.theta))
-        ]
-        across, turned = np.meshgrid(*axes, indexing="ij")
-        rise = self.height(across, turned)
-        poses = np.where(np.isfinite(rise)[..., None], _poses(across, turned), np.nan)
-        found = self.indices(poses, **options)
+        axes, rise, found = self.gridded(count, y, theta, **options)
         coords = {"y": ("y", axes[0], {"units": "m"}), "theta": ("theta", axes[1], {"units": "rad"})}
         dataset = found.to_dataset(*indices, dims=("y", "theta"), coords=coords)
         told = {"units": "m", "long_name": "height H(y, theta) in z that the stroke leaves"}
@@ -374,6 +367,19 @@ class Workspace(ShownInNotebook):
         dataset.attrs |= {"travel": list(limits.travel), "tilt": list(limits.tilt)}
         dataset.attrs |= {"serial_margin": margins.serial, "actuation_margin": margins.actuation}
         return dataset
+
+    def gridded(
+        self, count: int = 200, y: ArrayLike | None = None, theta: ArrayLike | None = None, **options: Any
+    ) -> tuple[list[FloatArray], FloatArray, Any]:
+        """Return what `map` is made of, without xarray: its two axes, heights and indices over them."""
+        axes = [
+            _axis(name, given, ends, count)
+            for name, given, ends in (("y", y, self.points.y), ("theta", theta, self.points.theta))
+        ]
+        across, turned = np.meshgrid(*axes, indexing="ij")
+        rise = self.height(across, turned)
+        poses = np.where(np.isfinite(rise)[..., None], _poses(across, turned), np.nan)
+        return axes, rise, self.indices(poses, **options)
 
     # Within
 

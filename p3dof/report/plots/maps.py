@@ -63,7 +63,7 @@ def map_figure(
     InputError
         If an argument is something else, or there are more than nine numbers.
     MissingExtraError
-        If matplotlib or xarray is not installed.
+        If matplotlib is not installed.
     """
     _require(workspace, motion)
     names = check_names(indices or ("lti", "lci"))
@@ -73,11 +73,11 @@ def map_figure(
     rows = math.ceil(len(names) / across)
     figure = new_figure(figsize=(4.6 * across, 3.7 * rows + 0.3), ax=ax)
     panels = _panels(figure, rows, across, len(names))
-    found = workspace.map(*names, count=count, **options)
+    axes, _, found = workspace.gridded(count, **options)
     largest = workspace.largest_box() if box else None
-    y, theta = 1e3 * found.y.values, np.degrees(found.theta.values)
+    y, theta = 1e3 * axes[0], np.degrees(axes[1])
     for (axis, scale), name in zip(panels, names, strict=True):
-        _fill(axis, scale, y, theta, found[name].values.T, name)
+        _fill(axis, scale, y, theta, found.column(name).T, name)
         _draw_loci(axis, workspace, y, theta)
         if motion is not None:
             _draw_path(axis, motion, 0, 2)
