@@ -161,6 +161,7 @@ ROBOT_KINDS = (JOINT_LIMIT, SINGULAR)
 
 GROWING = "the closures become dependent: their forces may grow without end"
 DEPENDENT = 1e-5  # smallest singular value of independent closures, the largest being 1
+_AT = 2.5e-10  # distance up to which a start is at a limit [m or rad]
 _KEPT = 200  # most singular values that are remembered: a step asks for the same states more than once
 
 
@@ -179,9 +180,10 @@ class RobotMargins:
         limits = Limits(self._model)
         counted = (limits.lower < limits.upper) & (JOINT_LIMIT in kinds)
         self.limited_q = limits.q[counted]
-        self.lower, self.upper = limits.lower[counted], limits.upper[counted]
+        self._ends = limits.lower[counted], limits.upper[counted]
         self._joints = [name for name, counts in zip(limits.names, counted, strict=True) if counts]
         q, v = plant.split(state)
+        self.start_at(q)
         self._rank = plant.loop.rank(q) if SINGULAR in kinds else 0
         self._known: dict[bytes, float] = {}
         self._happening = EventMargins(events, q, v) if events else None
@@ -191,6 +193,11 @@ class RobotMargins:
             raise InputError(
                 f"q: the run would start beyond a limit: {stop.kind}: {stop.reason} (see stop_at)"
             )
+
+    def start_at(self, q: FloatArray) -> None:
+        """Let runs start at limits, where configurations (..., nq) are at them, and end a little beyond."""
+        off = np.abs(np.atleast_2d(q)[:, self.limited_q] - np.array(self._ends)[:, None])  # (2, N, n)
+        self.lower, self.upper = self._ends + np.array([[-2.0], [2.0]]) * _AT * (off < _AT).any(axis=1)
 
     def __call__(self, time: float, state: FloatArray) -> FloatArray:
         """Return the margins of a state at a time, shape (m,): lower and upper limits, closures, events."""
@@ -209,7 +216,7 @@ class RobotMargins:
         count = len(self._joints)
         if index < 2 * count:
             at, end = index % count, "lower" if index < count else "upper"
-            limit = (self.lower if index < count else self.upper)[at]
+            limit = self._ends[index >= count][at]
             words = f"the joint {shown(self._joints[at])} at its {end} limit, {limit:.6g}"
             return Stop(JOINT_LIMIT, time, words)
         if index == 2 * count:

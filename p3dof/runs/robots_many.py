@@ -239,6 +239,7 @@ class _Many:
         self.joints = tuple(n.partition(".")[2] for n in self.columns if n.startswith("inertia."))
         plant = ObservedPlant(self.loop, 0.0, ())
         self.margins = RobotMargins(plant, self.stop_at, (), np.concatenate([q[0], v[0]]))
+        self.margins.start_at(q)
         at = q[:, self.margins.limited_q]
         beyond = ((at <= self.margins.lower) | (at >= self.margins.upper)).any(axis=1)
         if beyond.any():

@@ -687,7 +687,7 @@ def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, argument
 def test_a_start_beyond_a_limit_names_the_options(capsys):
     code, _, err = loop(capsys, "simulate", GALLERY / "five_bar.urdf", "--set", "left_motor=400 deg")
     assert code == 2
-    assert err.startswith("p3dof: error: --set: the run would start beyond a limit: joint limit: ")
+    assert err.startswith("p3dof: error: the run would start beyond a limit: joint limit: ")
     assert err.endswith("(see --limits)\n")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
@@ -461,6 +463,21 @@ def test_forces_and_speeds_beyond_the_file_are_told():
         assert (at_end.stop.kind, at_end.exceedances()) == ("joint limit", ())
         (left,) = beyond.exceedances()
         assert str(left) == "position of slide: 0.75 m at t = 1 s, limit 0.25 m"
+
+
+@pytest.mark.parametrize("method", ["general", "compiled"])
+@pytest.mark.parametrize(("lower", "upper", "outwards"), [(0.0, 0.5, -1.0), (-0.5, 0.0, 1.0)])
+def test_a_run_starts_at_a_limit_and_ends_when_it_moves_outwards(method, lower, upper, outwards):
+    loop = slider(lower, upper)
+    for force in (0.0, -outwards):
+        assert simulate_robot(loop, 1.0, controller=[force], samples=5, method=method).finished
+    stop = simulate_robot(loop, 1.0, controller=[outwards], samples=5, method=method).stop
+    end = "lower" if outwards < 0 else "upper"
+    assert stop.reason == f"the joint 'slide' at its {end} limit, 0"
+    assert stop.time < 1e-4  # where t² / 4 is 1e-9 m at most
+    for beyond, fits in ((1e-12, True), (1e-8, False)):
+        with nullcontext() if fits else pytest.raises(InputError, match="start beyond a limit: joint limit"):
+            simulate_robot(loop, 0.1, [outwards * beyond], samples=2, method=method)
 
 
 def test_a_run_starts_where_an_initial_state_says():

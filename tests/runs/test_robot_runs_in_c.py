@@ -457,6 +457,10 @@ def test_many_runs_end_at_limits_or_by_the_robot_itself():
     assert runs_.stop[1].time == pytest.approx(one.stop.time, abs=1e-9)
     assert runs_.stop[1].reason == one.stop.reason
     assert np.isnan(runs_.past["q"][1, -1]).all()
+    closed = limited(five, five.actuated[0], home[0] - 9.0, home[0])  # at its limit, it may be held or leave
+    at_end = simulate_robot_many(closed, 0.01, {"forces": [[50.0, 0.0], [-50.0, 0.0]]}, samples=3)
+    assert [stop is None for stop in at_end.stop] == [False, True]
+    assert at_end.stop[0].time < 1e-3
 
 
 def test_without_a_compiler_the_robot_makes_all_runs_itself(monkeypatch):
