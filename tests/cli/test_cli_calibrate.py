@@ -16,6 +16,7 @@ from p3dof._base.files import write_table
 from p3dof.analysis.tolerances import calibrate_machine
 from p3dof.analysis.tolerances.calibration import _candidates
 from p3dof.analysis.tolerances.pose import solved
+from p3dof.cli.loop import identify
 from p3dof.cli.measuring import read_poses
 from p3dof.closed_form.kinematics import forward_kinematics
 from p3dof.loops import Measurements, calibrate
@@ -188,6 +189,21 @@ def test_a_slip_about_a_robot_is_one_line(five_bar, monkeypatch, capsys, argumen
     assert (code, told) == (2, "")
     assert words in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--frame", "nope"), "--frame: the robot has no 'nope'"),
+        (("--sigma", "hand.x=1 mm"), "--sigma: there is no 'hand.x'"),
+    ],
+)
+def test_a_plan_checks_what_it_is_given_before_it_looks_for_poses(monkeypatch, capsys, arguments, words):
+    monkeypatch.setattr(identify, "candidate_readings", lambda *_, **__: pytest.fail("it looks for poses"))
+    given = ("loop", "calibrate", GALLERY / "five_bar.urdf", *TIP, "--sigma", "*_motor.offset=1", "--plan", 4)
+    code, told, error = run(capsys, *given, *arguments)
+    assert (code, told, error.count("\n")) == (2, "", 1)
+    assert words in error
 
 
 def test_inf_is_a_parameter_of_which_nothing_is_known(five_bar, capsys):

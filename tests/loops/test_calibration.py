@@ -14,7 +14,7 @@ from table_numbers import check_evidence, check_table, shows
 import p3dof
 from p3dof._base.errors import AssemblyError, InputError
 from p3dof.loops import Measurements, calibrate, plan_measurements
-from p3dof.loops.identification.calibration import MeasuredRobot
+from p3dof.loops.identification.calibration import MeasuredRobot, candidate_readings
 from p3dof.loops.identification.fitting import (
     DisplacedRobot,
     chosen_poses,
@@ -402,6 +402,25 @@ def test_a_plan_tells_the_deviations_that_the_calibration_has(delta):
     # Deviations change with the derivatives: the geometry is off by a millesimal of lengths.
     assert_allclose(found["plan"].deviations, plan.deviations, rtol=0.05)
     assert (found["plan"].deviations < found["first"].deviations).all()
+
+
+def test_candidates_are_found_where_few_readings_within_limits_are_poses():
+    """A hexapod with limits of its legs far beyond its reach: of 80 random readings not one is a pose."""
+    loop, told = gallery("stewart").copy(), []
+    at = [loop.model.idx_qs[loop.model.getJointId(name)] for name in loop.actuated]
+    home = loop.assemble().q
+    loop.model.lowerPositionLimit, loop.model.upperPositionLimit = (
+        np.where(np.isin(np.arange(loop.model.nq), at), home + way, limits)
+        for way, limits in ((-3, loop.model.lowerPositionLimit), (3, loop.model.upperPositionLimit))
+    )
+    found = candidate_readings(loop, 4, progress=lambda *done: told.append(done))
+    assert told == [(k, 4) for k in range(1, 5)]
+    for reading in found:
+        there = loop.assemble(reading, guess=home)
+        assert there.same_assembly
+        assert loop.beyond_limits(there.q) == {}
+        assert loop.singularity_margins(there.q).actuation > 0.01
+        assert np.abs(reading - home[at]).max() > 0.02
 
 
 def test_loops_that_cannot_close_with_a_parameter_are_told():

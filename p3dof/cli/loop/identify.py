@@ -38,12 +38,12 @@ from p3dof.cli.measuring import (
     tell_noise,
     wanted,
 )
-from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, show
+from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel, Measurements, plan_measurements
 from p3dof.loops import calibrate as calibrate_robot
-from p3dof.loops.identification.calibration import COMPONENTS, candidate_readings, plan_table
+from p3dof.loops.identification.calibration import COMPONENTS, MeasuredRobot, candidate_readings, plan_table
 from p3dof.loops.identification.estimates import METHODS, EstimationMethod
-from p3dof.loops.identification.fitting import DEVICE, OFFSET
+from p3dof.loops.identification.fitting import DEVICE, OFFSET, displacements
 from p3dof.loops.identification.forces import MASS, SHIFT, IdentifiableForces, LoopForces, States
 from p3dof.loops.identification.logs import MotorLog, read_log
 from p3dof.loops.identification.validation import (
@@ -392,6 +392,8 @@ def calibrate(
     if plan is not None:
         require_plan(out, figure, hold_out, leave_out)
         with in_options(_OPTIONS):
+            one, asked = np.zeros((1, len(readings))), displacements(robot, widths, parts, [base])
+            MeasuredRobot(robot, measured(one, ("x",), one[:, :1]), asked)  # checks, before poses are found
             given = _candidates(robot, data, readings, point is not None)
             chosen = plan_measurements(robot, measured(*given), plan, widths, parts)
         header = [f"{name} [{'m' if length else 'rad'}]" for name, length in readings.items()]
@@ -439,7 +441,8 @@ def _candidates(
     """Return poses to choose from, and what is measured: what the file has columns of, else the position."""
     seen: tuple[str, ...] = ()
     if data is None:
-        read = candidate_readings(robot, _CANDIDATES)
+        with progress_bar("poses", _CANDIDATES) as progress:
+            read = candidate_readings(robot, _CANDIDATES, progress=progress)
     else:
         read, seen, _ = poses_in(data, readings, _COLUMNS, False)
     seen = seen or (("distance",) if bar else ("x", "y", "z"))

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from p3dof._base.checks import (
     FloatArray,
     FrozenArrays,
+    Progress,
     Readable,
     as_floats,
     frozen_array,
@@ -519,8 +520,13 @@ class MeasurementPlan(Readable):
 _TRIES = 20  # random readings for each that is wanted
 
 
-def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> FloatArray:
-    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad]."""
+def candidate_readings(
+    robot: ClosedLoopModel, count: int, seed: int = 0, progress: Progress | None = None
+) -> FloatArray:
+    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad].
+
+    Nearer to the reference after each that is no such pose, farther again after each that is one.
+    """
     model, wanted = robot.model, whole("count", count, 1)
     at = np.array([model.idx_qs[model.getJointId(name)] for name in robot.actuated])
     low, high = np.asarray(model.lowerPositionLimit)[at], np.asarray(model.upperPositionLimit)[at]
@@ -529,16 +535,21 @@ def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> Flo
             raise InputError(
                 f"robot: {shown(name)} has no limits: give readings of its motors to choose from"
             )
-    rng, home, found = np.random.default_rng(seed), robot.assemble().q, list[FloatArray]()
-    for reading in rng.uniform(low, high, (_TRIES * wanted, len(at))):
+    rng, home, found, share = np.random.default_rng(seed), robot.assemble().q, list[FloatArray](), 1.0
+    for drawn in rng.uniform(low, high, (_TRIES * wanted, len(at))):
+        reading = home[at] + share * (drawn - home[at])
+        share *= _NEARER
         try:
             there = robot.assemble(reading, guess=home)
         except AssemblyError:
             continue
-        if not there.same_assembly or robot.beyond_limits(there.q):
+        if robot.beyond_limits(there.q) or not there.same_assembly:
             continue
         if robot.singularity_margins(there.q).actuation > LEAST_MARGIN:
+            share = min(1.0, _FARTHER * share)
             found.append(reading)
+            if progress is not None:
+                progress(len(found), wanted)
         if len(found) == wanted:
             return np.array(found)
     raise InputError(
@@ -546,6 +557,7 @@ def candidate_readings(robot: ClosedLoopModel, count: int, seed: int = 0) -> Flo
     )
 
 
+_NEARER, _FARTHER = 0.7, 1.8  # how far readings are from the reference after one, and after a good one
 _UNLIMITED = 1e6  # width of a joint's limits that are none [m or rad]
 _DRAWS = 20  # sets of random candidates that a plan is compared with
 
