@@ -383,7 +383,7 @@ def printed(rows: Mapping[str, Measured], last: Mapping[str, float]) -> Table:
 
 
 def references() -> list[dict[str, Any]]:
-    """Return what was written: first the one that pages quote, the latest."""
+    """Return what was written, the latest first."""
     found: list[dict[str, Any]] = json.loads(REFERENCE.read_text("utf-8")) if REFERENCE.exists() else []
     return found
 

@@ -77,7 +77,7 @@ def test_the_reference_is_that_of_this_processor_and_level_or_the_largest(table,
 
 
 def test_pages_say_what_the_reference_says(table):
-    ratios = table.references()[0]["ratios"]
+    ratios = next(one["ratios"] for one in table.references() if one["level"] == "avx512")  # as pages say
     page = (ROOT / "docs/explanation/speed.md").read_text("utf-8")
     said = dict(re.findall(r"^\| ([^|]+) \| [^|]+ \| ([\d,./]+) \|", page.partition("## Inverse")[0], re.M))
     assert len(said) >= 20
