@@ -209,6 +209,14 @@ def test_metals_by_kind_stay_those_of_their_kinds():
         assert_allclose(found.peak_force[number], peaks(reference), rtol=1e-10)
 
 
+def test_whether_a_body_is_possible_is_asked_of_the_sizes_of_the_file(machine):
+    """A rod's moments across may differ by no more than that along: those of another radius would."""
+    across = by_hand().bodies.leg_a.inertia[2, 2]
+    columns = {"leg.inertia.yy": [across, 1.1 * across]}
+    found = forces_of_designs(columns, MOTION, machine=machine, bodies="solids")
+    assert found.feasible.tolist() == [True, False]
+
+
 def test_gradients_of_designs_of_given_sizes(machine):
     """By R, the sizes that are not given follow: the least ratio is that of R - r."""
     for name, at in (("R", 0.32), ("L", 0.55)):
@@ -343,6 +351,11 @@ def test_measures_of_solids_have_the_sizes_and_density_of_the_file(machine):
     linear = 2700 * math.pi * 0.01**2
     frequency = math.pi / (2 * 0.5**2) * math.sqrt(70e9 * second / linear)
     assert found["rod_frequency"][0] == pytest.approx(frequency, rel=1e-12)
+    metals = replace(machine, density={"leg": 2700.0})
+    apart = DesignProblem(
+        {"L": (0.45, 0.6)}, MOTION, ["rod_frequency"], machine=metals.solid, bodies="solids", modulus=70e9
+    )
+    assert apart.evaluate([0.5])["rod_frequency"][0] == pytest.approx(frequency, rel=1e-12)
     bare = replace(problem.machine([0.5]), dimensions={})
     around = CollisionModel(bare, Surroundings(dimensions={"rod_radius": 0.01}))
     assert found["motion_clearance"][0] == around.distances(MOTION.pose).min()
