@@ -13,7 +13,7 @@ import yaml
 
 from p3dof._base.checks import LARGEST, SMALLEST, shown, with_point
 from p3dof._base.errors import ParameterError
-from p3dof._base.quantities import Quantity
+from p3dof._base.quantities import TIME, Quantity
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof.cli.files import OutputFile
 
@@ -152,7 +152,7 @@ FIGURE = click.option(
 
 DURATION = click.option(
     "--duration",
-    type=POSITIVE,
+    type=Amount(TIME),
     help="Duration of the whole task, dwells included [s]; not needed if every stop has one in the file.",
 )
 

@@ -14,7 +14,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from p3dof._base.checks import FloatArray
+from p3dof._base.checks import FloatArray, require_commas
 from p3dof._base.errors import InputError, TaskError
 from p3dof._base.files import called, parse_yaml, read_text, suffix_of, together
 from p3dof.analysis.reactions import ALL, Choice
@@ -534,6 +534,7 @@ def _columns(path: Path) -> dict[str, FloatArray]:
     if len(rows) < 2:
         raise InputError(f"{path}: expected a header and a row for each design")
     header, *body = rows
+    require_commas(header, str(path), InputError)
     for number, row in enumerate(body, start=1):
         if len(row) != len(header):
             raise InputError(f"{path}, row {number}: expected {len(header)} cells, got {len(row)}")

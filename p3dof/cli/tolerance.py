@@ -12,6 +12,7 @@ from rich.console import Console
 
 from p3dof._base.blocks import Processes
 from p3dof._base.checks import Progress
+from p3dof._base.errors import InputError
 from p3dof.analysis.tolerances import read_uncertainty, sensitivity_table, tolerance_tables
 from p3dof.analysis.tolerances import sensitivity as sensitivity_of
 from p3dof.analysis.tolerances import tolerance as tolerance_of
@@ -159,6 +160,8 @@ def sensitivity(
     """
     protect((file, case.parameters, case.motion_file, case.wrench_file), (figure,))
     given = {**(read_uncertainty(source(file)).variables if file is not None else {}), **dict(variables)}
+    if file is not None and not given:
+        raise InputError(f"{file}: expected a section 'variables', or --vary")
     if local and (work["out"] is not None or work["workers"] is not None or work["resume"]):
         raise click.UsageError("--out, --resume and --workers do not belong to --local, which takes no time")
     method: Any = "gradient" if local else "sobol"

@@ -460,3 +460,28 @@ def test_a_missing_extra_is_one_line_with_what_to_install(capsys, monkeypatch):
     code, _, err = run(capsys, "report", "task.yaml", "--out", "r.html")
     assert code == 2
     assert err == "p3dof: error: a report needs jinja2: pip install 'p3dof[report]'\n"
+
+
+def test_words_for_a_decimal_comma_a_missing_section_and_semicolons(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_text("geometry: {r: 0,12, R: 0.25}")
+    Path("u.yaml").write_text("sigma: {R: 0.1 mm}")
+    Path("d.csv").write_text("a;b\n1;2\n")
+    for call, words in (
+        ("forces --parameters m.yaml", "unknown field '12', expected r, R, L, b; decimals have a point"),
+        ("sensitivity u.yaml --local", "u.yaml: expected a section 'variables', or --vary"),
+        ("studio --designs d.csv --out s.html", "d.csv: expected commas between the columns, got semicolons"),
+    ):
+        code, out, err = run(capsys, *call.split())
+        assert (code, out) == (2, "")
+        assert words in err
+
+
+def test_durations_and_lives_have_units(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(capsys, "init", ".")[0] == 0
+    plain = run(capsys, "size", "task.yaml", "--duration", "2.5", "--life", "20000 h", "--top", "1")
+    assert plain[0] == 0
+    for duration, life in (("2500 ms", "20000h"), ("2.5 s", "2e4h")):
+        line = ("--duration", duration, "--life", life)
+        assert run(capsys, "size", "task.yaml", *line, "--top", "1") == plain

@@ -280,21 +280,9 @@ def sensitivity_table(found: SobolIndices | LocalSensitivity) -> Table:
 def _of_forces(found: ForceTolerance) -> tuple[Table, ...]:
     largest = found.deviation.max(axis=0)
     deviations = (*largest.tolist(), float(largest.max()))
-    rows = {
-        name: tuple(
-            map(
-                number,
-                (
-                    found.peak[k],
-                    deviations[k],
-                    found.peak_deviation[k],
-                    found.peak_high[k],
-                    found.peak_worst[k],
-                ),
-            )
-        )
-        for k, name in enumerate(("A", "B", "C", "largest"))
-    }
+    each = found.peak, deviations, found.peak_deviation, found.peak_high, found.peak_worst
+    legs = zip(("A", "B", "C", "largest"), *each, strict=True)
+    rows = {name: tuple(map(number, values)) for name, *values in legs}
     header = (
         "actuator", "peak [N]", "largest σ of the motion [N]", "σ of the peak [N]", "95 % below [N]",
         f"worst case, {found.worst_sigma:g} σ [N]",

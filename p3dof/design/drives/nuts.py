@@ -15,6 +15,7 @@ for each flank, also those under no load. Steinmeyer (Technology, preload) has t
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,7 +96,7 @@ def required_life(value: Any, where: str = "life") -> RequiredLife | None:
     if value is None or isinstance(value, RequiredLife):
         return value
     expected = f"{where}: expected a life such as '20000 h', '1e7 cycles' or '5000 km'"
-    words = value.split() if isinstance(value, str) else []
+    words = re.sub(r"(?<=[\d.])(?=[a-z]+$)", " ", value).split() if isinstance(value, str) else []
     if len(words) != 2 or words[1] not in _UNITS:
         raise DriveError(
             f"{expected}, got {shown(value)}{with_point(value) if isinstance(value, str) else ''}"

@@ -373,7 +373,9 @@ def stops_table(found: Sequence[StopLoads]) -> Table:
         if one.brake_energy.any():
             rows[f"{one.kind}: energy of the brake [J]"] = [_shown(value) for value in one.brake_energy]
     told = [
-        f"{one.kind}: P moves {_shown(1e3 * one.platform_way)} mm at most, in {_shown(one.duration)} s."
+        f"{one.kind}: P moves {number(1e3 * one.platform_way)} mm at most, in {number(one.duration)} s."
+        if math.isfinite(one.platform_way + one.duration)
+        else f"{one.kind}: an axis without a brake that holds (brake_torque) falls, and P with it."
         for one in found
     ]
     return table_of("Emergency stops", ("worst", *LEGS), rows, " ".join(told))

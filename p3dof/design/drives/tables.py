@@ -78,7 +78,7 @@ def _of_transmission(drive: Drive, required: bool) -> list[str]:
         f"whether the life of the nut of {part.name} suffices (no life was required)": required
         or part.dynamic is None,
         f"static load of the nut of {part.name} (no static rating)": part.static is not None,
-        f"drag of the preload of {part.name} (no drag, no nominal_diameter)": part.drag > 0
+        f"drag of the preload of {part.name} (no drag, no nominal_diameter in the file)": part.drag > 0
         or part.preload_force == 0,
     }
     return [words for words, checked in known.items() if not checked]
@@ -222,6 +222,8 @@ def verdict(sizing: Sizing, where: Callable[[float], str] | None = None) -> str:
 def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> str:
     if rating.share == math.inf:
         much = f"takes {number(rating.required)} {rating.unit} where none is permissible"
+        if rating.required == math.inf:
+            much = "does not end: the axis falls, as no brake holds it (see brake_torque)"
     else:
         much = f"has a utilisation of {percent(rating.share, 0)}"
     if rating.verdict == VERDICTS[1]:

@@ -211,7 +211,7 @@ class Screw:
         if named is not None and math.isclose(float(named[2]) / 1e3, self.lead):
             nominal = float(named[1]) / 1e3
             if self.diameter is None or self.diameter < nominal < 2 * self.diameter:
-                return nominal, f"nominal diameter of {self.name} by its designation"
+                return nominal, f"nominal diameter of {self.name} by its designation, for its speed only"
         if self.diameter is None:
             return math.nan, ""
         return 1.25 * self.diameter, f"nominal diameter of {self.name} 5/4 of its core"
