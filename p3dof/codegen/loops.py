@@ -116,7 +116,7 @@ def selftest(
 
 def _states(robot: ClosedLoopModel, compiled: CompiledLoop) -> list[_State]:
     """Return motions that keep the loops closed, always the same."""
-    draw, found = np.random.default_rng(1), []
+    draw, found, why = np.random.default_rng(1), [], ""
     for q in closed_configurations(robot, robot.regular_configuration, seed=1)[:_COUNT]:
         J = robot.closure_jacobian(q)
         free = np.linalg.svd(J)[2][robot.rank(q) :].T if J.size else np.eye(robot.model.nv)
@@ -130,8 +130,10 @@ def _states(robot: ClosedLoopModel, compiled: CompiledLoop) -> list[_State]:
             else:
                 done = robot.hybrid_dynamics(q, v, a_actuated)
                 found.append(_State(q, v, np.array(done.a), np.array(done.tau)))
-        except P3dofError:
-            continue  # a singular configuration is no sample
+        except P3dofError as error:
+            why = str(error)  # a singular configuration is no sample
+    if not found:
+        raise ModelError(f"robot: the self-test finds no motion: {why}")
     return found
 
 
@@ -1090,6 +1092,7 @@ class LoopCode:
     files: dict[str, str]  # text by file name
     operations: dict[str, int]  # by function
     web: WebModule  # what its WebAssembly offers
+    left_out: str  # what is usual but not there, and why
 
 
 def loop_files(
@@ -1146,8 +1149,13 @@ def loop_files(
     if cuda:
         c[f"{name}_cuda.cu"] = printer.cuda()
     texts = with_build(c, note, name, cpu) | {"README.md": printer.readme()}
+    told = ""
+    if functions is None and transmission is None and not compiled.determined:
+        why = "leaves joints free" if compiled.hybrid else "does not determine the forces of all motors"
+        names = "motion, step, integrate, " * compiled.hybrid + f"{name}_start and {name}_follow"
+        told = f"Left out: {names}: the motion of the motors {why}."
     every = [*chosen, *(printer.maps.functions if printer.maps is not None else ())]
-    return LoopCode(texts, {one.name: one.operations for one in every}, printer.web())
+    return LoopCode(texts, {one.name: one.operations for one in every}, printer.web(), told)
 
 
 def _prefix(robot: ClosedLoopModel, prefix: str | None) -> str:
@@ -1176,7 +1184,7 @@ def _chosen(compiled: CompiledLoop, functions: Iterable[str] | None) -> list[str
         usual = ["inverse_dynamics", "forward_dynamics"]
         if compiled.determined:
             return [*usual, *FOLLOWING]
-        return [*usual, "hybrid_dynamics"] if compiled.hybrid else usual
+        return [*usual, *(["hybrid_dynamics"] if compiled.hybrid else FOLLOWING)]
     found = list(dict.fromkeys(functions))
     for name in found:
         if name not in FUNCTIONS:

@@ -189,6 +189,7 @@ class RunOfRobot(Run[RobotRun]):
 
     def moving(self) -> Moving:
         """Return the robot."""
+        self.loop.forward_dynamics(*self.plant.split(self.state), np.zeros(self.count))  # says why not
         self._require_affordable()
         return Moving(self.plant, self.state, self.loads, self.margins, self.watch)
 

@@ -406,6 +406,50 @@ def test_few_samples_are_no_singularity(capsys, tmp_path, samples):
     assert (code, err, json.loads(out)["warnings"]) == (0, "", [])
 
 
+def test_a_robot_without_inertia_is_told(capsys, tmp_path, five_bar):
+    five_bar.write_text(re.sub(r"<inertial>.*?</inertial>", "", five_bar.read_text(), flags=re.DOTALL))
+    (tmp_path / "m.csv").write_text("t,left_joint,right_joint\n0,1.9,1.2\n1,2.0,1.2\n")
+    words = "the mechanism has a free motion without inertia"
+    out = tmp_path / "c"
+    code, _, err = loop(capsys, "codegen", five_bar, "--out", out, "--functions", "motion,inverse_dynamics")
+    assert (code, err) == (2, f"p3dof: error: robot: the self-test finds no motion: {words}\n")
+    assert not out.exists()
+    for method in ((), ("--method", "general")):
+        code, _, err = loop(capsys, "simulate", five_bar, "--set", "left_joint=1.9", *method)
+        assert (code, err) == (1, f"p3dof: error: {words}\n")
+    code, out, _ = loop(capsys, "forces", five_bar, "--motion", tmp_path / "m.csv", "--json")
+    told = "no body has a mass: forces are those of springs, friction and motors only"
+    assert (code, json.loads(out)["warnings"]) == (0, [told])
+
+
+def test_generated_code_tells_what_it_leaves_out(capsys, tmp_path, five_bar):
+    """With three motors for two freedoms all is there but what follows a motion."""
+    told = {}
+    for motors in ("left_joint, right_joint", "left_joint, right_joint, left_elbow", "left_joint"):
+        sidecar = f"closed_loop: [[left_tip, right_tip]]\ntype: [3d]\nname_mot: [{motors}]\n"
+        five_bar.with_suffix(".yaml").write_text(sidecar)
+        code, out, _ = loop(capsys, "codegen", five_bar, "--out", tmp_path / motors, "--prefix", "five")
+        assert code == 0
+        told[motors] = [line for line in out.splitlines() if line.startswith("Left out")]
+        header = (tmp_path / motors / "five.h").read_text()
+        assert ("five_follow(" in header, "five_hybrid_dynamics(" in header) == (
+            len(told) == 1,
+            len(told) == 3,
+        )
+        assert all((f"five_{name}(" in header) == (len(told) < 3) for name in ("motion", "step", "integrate"))
+    assert list(told.values()) == [
+        [],
+        [
+            "Left out: five_start and five_follow: the motion of the motors does not determine the forces "
+            "of all motors."
+        ],
+        [
+            "Left out: motion, step, integrate, five_start and five_follow: the motion of the motors leaves "
+            "joints free."
+        ],
+    ]
+
+
 def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
     urdf, path = tmp_path / "short.urdf", tmp_path / "far.csv"
     urdf.write_text(robots.four_bar(0.5, 0.45, 0.3, 0.35))

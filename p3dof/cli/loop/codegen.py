@@ -13,7 +13,7 @@ from p3dof._base.tables import formatted, table_of
 from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import with_robot
-from p3dof.cli.output import print_written, show
+from p3dof.cli.output import print_plain, print_written, show
 from p3dof.codegen.loops import MARK, loop_files
 from p3dof.codegen.naming import command_of
 from p3dof.codegen.webassembly import WebFiles
@@ -28,7 +28,8 @@ from p3dof.loops import ClosedLoopModel
     "--functions",
     help="Functions, with commas: inverse_dynamics, forward_dynamics, hybrid_dynamics, motion, step, "
     "integrate, momentum, body_regressor, tangent_of_forces, tangent_of_accelerations. By default "
-    "inverse_dynamics, forward_dynamics, motion, step and integrate.",
+    "inverse_dynamics, forward_dynamics, motion, step and integrate; of robots with passive freedoms "
+    "hybrid_dynamics instead of the last three.",
 )
 @click.option("--external", multiple=True, metavar="FRAME", help="Frame on which an external wrench can act.")
 @click.option("--joint-forces", is_flag=True, help="Additional joint forces as an argument.")
@@ -98,6 +99,8 @@ def codegen(
     print_written(console, job.write(force))
     rows = {name: [formatted(count, "d")] for name, count in code.operations.items()}
     show(console, table_of("Operations of a call", ("function", "operations"), rows))
+    if code.left_out:
+        print_plain(console, code.left_out)
     return 0
 
 

@@ -68,6 +68,8 @@ def forces(
     show(console, actuators_table(robot, found.time, found.forces, found.v), *([motors] if motors else []))
     stop = found.crossing()
     print_warnings(console, [*([] if stop is None else [str(stop)]), *exceeded(found.exceedances())])
+    if not any(body.mass for body in robot.model.inertias):
+        print_warnings(console, ["no body has a mass: forces are those of springs, friction and motors only"])
     for remark in found.remarks:
         print_plain(console, remark)
     print_plain(console, f"{len(found.time)} samples of the curve through the values of the file.")
