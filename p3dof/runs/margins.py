@@ -184,15 +184,17 @@ class RobotMargins:
         self._joints = [name for name, counts in zip(limits.names, counted, strict=True) if counts]
         q, v = plant.split(state)
         self.start_at(q)
-        self._rank = plant.loop.rank(q) if SINGULAR in kinds else 0
+        self._rank = max(plant.loop.generic_rank or 0, plant.loop.rank(q)) if SINGULAR in kinds else 0
         self._known: dict[bytes, float] = {}
         self._happening = EventMargins(events, q, v) if events else None
         margins = self(0.0, state)
         if margins.min() <= 0:
             stop = self.stop(int(np.argmin(margins)), 0.0)
-            raise InputError(
-                f"q: the run would start beyond a limit: {stop.kind}: {stop.reason} (see stop_at)"
-            )
+            told = f"beyond a limit: {stop.kind}: {stop.reason} (see stop_at)"
+            if stop.kind == SINGULAR:
+                told = "at a singular configuration, whose motion is not determined; p3dof loop info and "
+                told += "regular_configuration give a regular one near the reference"
+            raise InputError(f"q: the run would start {told}")
 
     def start_at(self, q: FloatArray) -> None:
         """Let runs start at limits, where configurations (..., nq) are at them, and end a little beyond."""

@@ -728,6 +728,17 @@ def test_bad_input_is_one_line(capsys, tmp_path, monkeypatch, five_bar, argument
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
+@pytest.mark.parametrize("how", [(), ("--controller", "pd"), ("--limits", "ignore")])
+def test_a_singular_start_is_one_line(capsys, tmp_path, how):
+    path, sidecar = tmp_path / "flat.urdf", tmp_path / "flat.yaml"
+    path.write_text(robots.flat_parallelogram(), encoding="utf-8")
+    sidecar.write_text(robots.PARALLELOGRAM_SIDECAR.to_yaml(), encoding="utf-8")
+    code, _, err = loop(capsys, "simulate", path, "--duration", "0.1", *how)
+    assert code == 2
+    assert err.startswith("p3dof: error: --set: the run would start at a singular configuration, ")
+    assert err.count("\n") == 1
+
+
 def test_a_start_beyond_a_limit_names_the_options(capsys):
     code, _, err = loop(capsys, "simulate", GALLERY / "five_bar.urdf", "--set", "left_motor=400 deg")
     assert code == 2

@@ -116,6 +116,18 @@ def test_closures_that_become_dependent_end_a_run():
         simulate_robot(loop, 1.0, speed.q, method="general")
 
 
+@pytest.mark.parametrize("method", ["general", None])
+@pytest.mark.parametrize("controller", [[0.1], None], ids=["forces", "none"])
+def test_a_singular_start_is_told_and_none_beside_it(method, controller):
+    """Flat at zero, a parallelogram has two free motions: the motor determines one."""
+    loop = ClosedLoopModel.from_urdf(robots.flat_parallelogram(), robots.PARALLELOGRAM_SIDECAR)
+    controller = np.full(len(loop.actuated), 0.1) if controller else None
+    with pytest.raises(InputError, match=r"singular configuration, .* regular_configuration give a regular"):
+        simulate_robot(loop, 0.1, controller=controller, samples=3, method=method)
+    beside = loop.regular_configuration
+    assert simulate_robot(loop, 0.01, beside, controller=controller, samples=3, method=method).finished
+
+
 def test_events_end_a_run_or_are_noted():
     loop = slider()
     fast = Event("fast", lambda _t, _q, v: v[0] - 1.5)

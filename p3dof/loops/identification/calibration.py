@@ -523,10 +523,7 @@ _TRIES = 20  # random readings for each that is wanted
 def candidate_readings(
     robot: ClosedLoopModel, count: int, seed: int = 0, progress: Progress | None = None
 ) -> FloatArray:
-    """Return readings (count, m) of the motors at random poses within the joints' limits [m or rad].
-
-    Nearer to the reference after each that is no such pose, farther again after each that is one.
-    """
+    """Return readings (count, m) of motors at random poses within limits: nearer to home after a miss."""
     model, wanted = robot.model, whole("count", count, 1)
     at = np.array([model.idx_qs[model.getJointId(name)] for name in robot.actuated])
     low, high = np.asarray(model.lowerPositionLimit)[at], np.asarray(model.upperPositionLimit)[at]
@@ -543,9 +540,8 @@ def candidate_readings(
             there = robot.assemble(reading, guess=home)
         except AssemblyError:
             continue
-        if robot.beyond_limits(there.q) or not there.same_assembly:
-            continue
-        if robot.singularity_margins(there.q).actuation > LEAST_MARGIN:
+        within = not robot.beyond_limits(there.q) and there.same_assembly
+        if within and robot.singularity_margins(there.q).actuation > LEAST_MARGIN:
             share = min(1.0, _FARTHER * share)
             found.append(reading)
             if progress is not None:

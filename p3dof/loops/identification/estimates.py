@@ -463,16 +463,7 @@ def _combinations(
 
 
 _TEN: FloatArray = np.array([pseudo_inertia(unit) for unit in np.eye(10)])  # (10, 4, 4)
-
-
 _THICK, _BALL = 1e-7, np.array([0.0, 0, 0, 0, 1, 0, 1, 0, 0, 1])
-
-
-def _scaled(ten: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return a pseudo-inertia, what to divide it by, and its least eigenvalue then."""
-    J = pseudo_inertia(ten)
-    size = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
-    return J, np.outer(size, size), float(np.linalg.eigvalsh(J / np.outer(size, size)).min())
 
 
 class _Constraints(NamedTuple):
@@ -515,14 +506,15 @@ def _made_possible(
         at = slice(first, first + 10)
         if not doubt[at].any():
             continue
-        J, scale, least = _scaled(design[at])
-        if least < _INSIDE:  # a lamina, or a rod: into what bodies have, by less than anybody measures
-            design[at] += _THICK * J.diagonal()[:3].max() * _BALL
-            J, scale, least = _scaled(design[at])
-        if least < _INSIDE:
-            remarks.append(
-                f"{names[first].rpartition('.')[0]}: its design is no possible solid body; left so"
-            )
+        for thick in (0.0, _THICK):  # a lamina or a rod: into what bodies have, by less than anybody measures
+            design[at] += thick * pseudo_inertia(design[at]).diagonal()[:3].max() * _BALL
+            J = pseudo_inertia(design[at])
+            size = np.sqrt(np.maximum(np.diag(J), 1e-12 * max(float(np.trace(J)), np.finfo(float).tiny)))
+            scale = np.outer(size, size)
+            if np.linalg.eigvalsh(J / scale).min() >= _INSIDE:
+                break
+        else:
+            remarks.append(f"{names[first][:-2]}: its design is no possible solid body; left so")
             continue
         J0.append(J / scale - _INSIDE / 2 * np.eye(4))
         G.append(np.einsum("tij,tf->fij", _TEN / scale, by_w[at]))

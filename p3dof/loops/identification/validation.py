@@ -150,8 +150,7 @@ def identify(
     prior = forces.deviations() if deviations is None else frozen_array("deviations", deviations, (count,))
     for first in bodies_of(forces.names) if consistent else ():
         if prior[first : first + 10].any():
-            body = forces.names[first].rpartition(".")[0]
-            require_possible(f"{body} in the design", forces.design[first : first + 10])
+            require_possible(f"{forces.names[first][:-2]} in the design", forces.design[first : first + 10])
     data = prepare_log(forces, log, period=period, smooth=smooth, delay=delay, deviations=prior, check=check)
     columns, design, doubt, names = data.rows.columns, forces.design, prior, tuple(forces.names)
     if offsets:
