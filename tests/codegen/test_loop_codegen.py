@@ -10,7 +10,14 @@ import closed_trees as trees
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_loop_robots import PARALLELOGRAM_SIDECAR, SLIDER_CRANK_SIDECAR, flat_parallelogram, slider_crank
+from closed_loop_robots import (
+    FOUR_BAR_SIDECAR,
+    PARALLELOGRAM_SIDECAR,
+    SLIDER_CRANK_SIDECAR,
+    flat_parallelogram,
+    four_bar,
+    slider_crank,
+)
 from command_line import run
 from compilers import CC, COMPILED, CPP, each_c
 from gallery import GALLERY, gallery
@@ -449,6 +456,21 @@ def test_a_singular_configuration_is_told(tmp_path):
         low, high = (middle, high) if np.sin(q[1]) * sign > 0 else (low, middle)
     assert step(pointer(np.array(q)), pointer(moved), pointer(evidence)) == 3
     assert evidence[0] < 1e-3
+
+
+def test_a_start_that_leads_nowhere_is_singular_and_no_broken_sensor(tmp_path):
+    """Flat, where the pivots are zero; and no configuration at all, with circles of no radius."""
+    xml = four_bar(0.5, 0.2, 0.45, 0.35, kind="continuous")
+    robot = p3dof.ClosedLoopModel.from_urdf(xml, FOUR_BAR_SIDECAR).around({"crank_joint": 1.0})
+    for file, text in loop_files(robot, prefix="bar").files.items():
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    start, room = library(tmp_path, "bar").bar_start, np.zeros(100)
+    assert start(pointer(room), pointer(np.array(robot.assemble().q))) == 0
+    before = room.copy()
+    for q in ([1.0, 0, 1, 0, 1, 0], [0.0] * 6):
+        assert start(pointer(room), pointer(np.array(q))) == 3
+    assert start(pointer(room), pointer(np.array([np.nan, 0, 1, 0, 1, 0]))) == 2
+    np.testing.assert_array_equal(room, before)
 
 
 def test_names_functions_and_frames_are_checked():
