@@ -50,11 +50,6 @@ class RobotForces(Limited, Tabular):
     residual: float
     remarks: tuple[str, ...] = ()  # what there is to know about the motion, one sentence each
 
-    @property
-    def within_limits(self) -> bool:
-        """Whether no joint leaves its limits of position."""
-        return all(one.quantity != "position" for one in self.exceedances())
-
     def crossing(self) -> Stop | None:
         """Return where closures first become dependent, also between samples."""
         steps = pairwise(zip(self.time, self.q, strict=True))
@@ -156,27 +151,22 @@ def through_ranges(
         if not found.errors and np.isfinite(found.tau).all() and found.tau.shape[1] == count:
             told = ("A motion through the ranges of the motors, to show what they move.",)
             shown = _found(robot, time, states, found, told)
-            if shown.within_limits:
+            if all(one.quantity != "position" for one in shown.exceedances()):
                 return shown
     return None
 
 
 def _dependent(
-    robot: ClosedLoopModel, one: tuple[float, FloatArray], other: tuple[float, FloatArray], halvings: int = 40
+    robot: ClosedLoopModel, one: tuple[float, FloatArray], other: tuple[float, FloatArray], left: int = 40
 ) -> Stop | None:
-    """Return where closures become dependent from one time and configuration to another.
-
-    Their Jacobian then changes its orientation, between configurations however near: else it only turned.
-    """
+    """Return where closures become dependent: their Jacobian changes its orientation, however near."""
     (start, low), (end, high) = one, other
     if closure_conditioning(robot, high, robot.rank(robot.regular_configuration)) < DEPENDENT:
         return Stop(SINGULAR, float(end), GROWING)
-    J = robot.closure_jacobian
-    if not halvings or orientation(J(low), J(high), RANK_TOLERANCE) > 0:
+    if not left or orientation(robot.closure_jacobian(low), robot.closure_jacobian(high), RANK_TOLERANCE) > 0:
         return None
     middle = (start + end) / 2, robot.assemble(guess=pin.interpolate(robot.model, low, high, 0.5)).q
-    left = halvings - 1
-    return _dependent(robot, one, middle, left) or _dependent(robot, middle, other, left)
+    return _dependent(robot, one, middle, left - 1) or _dependent(robot, middle, other, left - 1)
 
 
 def _settled(before: FloatArray, after: FloatArray) -> bool:
@@ -222,8 +212,9 @@ def _with_idle(
         wanted = a[:, robot.actuated_v]
         found = robot.hybrid_dynamics_batch(q, v, wanted, external=acting, method=method)
         residual = float(np.abs(found.residual).max(initial=0.0))
-        time = curve.time[0] + run.time[rows]
-        return RobotForces(robot, time, q, v, a, tau, float(run.gap.max()), residual, told)
+        return RobotForces(
+            robot, curve.time[0] + run.time[rows], q, v, a, tau, float(run.gap.max()), residual, told
+        )
 
     if samples is not None:
         return thinned(1)
@@ -251,10 +242,8 @@ def _forces_at(
             if (stop := _dependent(robot, there, there)) is not None:
                 raise DynamicsError(str(stop)) from states.errors[k]
     _require(states.errors, time)
-    acting = loads.over(time - curve.time[0])
-    found = robot.inverse_dynamics_batch(
-        states.q, states.v, states.a, external=acting, stop=True, method=method
-    )
+    motion, acting = (states.q, states.v, states.a), loads.over(time - curve.time[0])
+    found = robot.inverse_dynamics_batch(*motion, external=acting, stop=True, method=method)
     _require(found.errors, time)
     return _found(robot, time, states, found, told)
 
@@ -276,15 +265,10 @@ def _sizes(found: RobotForces) -> FloatArray:
 def _ends(robot: ClosedLoopModel, curve: JointCurve) -> tuple[str, ...]:
     """Say with what velocities a motion starts and ends, where it does not so at rest."""
     _, velocities, _ = curve.at(curve.time)
-    fastest, told = np.abs(velocities).max(axis=0), []
+    least, told = _AT_REST * np.abs(velocities).max(axis=0), []
     for when, row in (("starts", velocities[0]), ("ends", velocities[-1])):
-        moving = [
-            f"{name} at {speed:.4g} {unit}/s"
-            for name, speed, most, (unit, _) in zip(
-                robot.actuated, row, fastest, units_of_actuated(robot), strict=True
-            )
-            if abs(speed) > _AT_REST * most
-        ]
+        each = zip(robot.actuated, row, units_of_actuated(robot), abs(row) > least, strict=True)
+        moving = [f"{name} at {speed:.4g} {unit}/s" for name, speed, (unit, _), moves in each if moves]
         if moving:
             told.append(f"The curve through the {len(curve.time)} values {when} with {', '.join(moving)}.")
     return tuple(told)
@@ -296,7 +280,5 @@ def _require(errors: dict[int, P3dofError], time: FloatArray) -> None:
         words = f"at t = {time[index]:.6g} s: {error}"
         if isinstance(error, AssemblyError):
             raise AssemblyError(words, error.gap) from error
-        kind = (
-            type(error) if isinstance(error, DynamicsError | SingularityError | InputError) else DynamicsError
-        )
-        raise kind(words) from error
+        known = isinstance(error, DynamicsError | SingularityError | InputError)
+        raise (type(error) if known else DynamicsError)(words) from error

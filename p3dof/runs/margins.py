@@ -175,7 +175,9 @@ class RobotMargins:
 
         kinds = [stop_at] if isinstance(stop_at, str) or not isinstance(stop_at, Iterable) else list(stop_at)
         if isinstance(stop_at, str) or any(kind not in ROBOT_KINDS for kind in kinds):
-            raise InputError(f"stop_at: expected a list of {', '.join(ROBOT_KINDS)}, got {shown(stop_at)}")
+            raise InputError(
+                f"stop_at: expected a list of {', '.join(ROBOT_KINDS)}, got {', '.join(map(shown, kinds))}"
+            )
         self._plant, self._model = plant, plant.loop.model
         limits = Limits(self._model)
         counted = (limits.lower < limits.upper) & (JOINT_LIMIT in kinds)

@@ -195,7 +195,7 @@ class ConstrainedPlant:
         if gap > tolerance:
             raise InputError(
                 f"q: the loops are open by {gap:.3g} m, expected at most {tolerance:g} m; "
-                "robot.loop.assemble(None, guess=q) closes them"
+                "loop.assemble(guess=q) closes them"
             )
         if opening > tolerance * max(1.0, float(np.abs(v).max(initial=0.0))):
             raise InputError(f"v: opens the loops at {opening:.3g} m/s, expected at most {tolerance:g} m/s")

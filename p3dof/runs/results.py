@@ -149,9 +149,8 @@ class Limited:
     def exceedances(self) -> tuple[JointExceedance, ...]:
         """Return which limits in the robot's file samples exceed, each at its worst.
 
-        They are those of forces of actuators, and of speeds and positions of joints. A limit of force or
-        speed that is zero or infinite is none: so are files that leave them out. A joint has limits of
-        position if the lower is below the upper.
+        Those of force or speed that are zero or infinite are none, as files leave them out; and those of
+        position whose lower is not below the upper.
         """
         from p3dof.loops.assembly import BEYOND, Limits
         from p3dof.loops.tables import is_slide

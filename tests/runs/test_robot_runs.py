@@ -172,7 +172,10 @@ def test_events_that_are_none(event, words):
 def test_arguments_that_do_not_fit_a_robot():
     loop, good = slider(), Event("same", lambda *_: 1.0)
     for arguments, words in (
-        ({"stop_at": ["collision"]}, "stop_at: expected a list of joint limit, singular closures"),
+        (
+            {"stop_at": ["collision"]},
+            "stop_at: expected a list of joint limit, singular closures, got 'collision'",
+        ),
         ({"events": [good, good]}, "events: two are called 'same'"),
         ({"events": good}, "events: expected a list of Event"),
         ({"control": 3}, r"control: expected ControlLoop\(...\), got 3"),

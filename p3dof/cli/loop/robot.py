@@ -46,8 +46,6 @@ from p3dof.loops.xml_text import Macros
 if TYPE_CHECKING:
     from p3dof.viewer.document.figure import RobotFigure
 
-_MOST = 8  # exceeded limits that are listed
-
 _ROBOT = options(
     click.argument("file", type=InputFile()),
     click.argument("sidecar", type=InputFile(), required=False),
@@ -287,8 +285,8 @@ def externals(texts: tuple[str, ...]) -> dict[str, FloatArray | WrenchHistory]:
 
 def exceeded(found: Sequence[object]) -> list[str]:
     """Return what is said of limits that are exceeded: the first ones."""
-    more = [f"{len(found) - _MOST} more limits are exceeded"] if len(found) > _MOST else []
-    return [*(f"limit exceeded: {one}" for one in found[:_MOST]), *more]
+    more = [f"{len(found) - 8} more limits are exceeded"] if len(found) > 8 else []
+    return [*(f"limit exceeded: {one}" for one in found[:8]), *more]
 
 
 def numbers_of(option: str, text: str) -> FloatArray:

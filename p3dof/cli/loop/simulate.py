@@ -243,8 +243,8 @@ def simulate(
     written += save_figure_if_possible(lambda plots: plots.robot_run_figure(run), figure)
     console = console_beside(out)
     show(console, _table(run))
-    told = [] if run.stop is None else [f"ended by {run.stop}"]
-    print_warnings(console, [*told, *exceeded(run.exceedances())])
+    told = exceeded(run.exceedances())
+    print_warnings(console, told if run.stop is None else [f"ended by {run.stop}", *told])
     if run.note:
         print_plain(console, run.note)
     print_written(console, written)
