@@ -165,7 +165,10 @@ def _dependent(
         return Stop(SINGULAR, float(end), GROWING)
     if not left or orientation(robot.closure_jacobian(low), robot.closure_jacobian(high), RANK_TOLERANCE) > 0:
         return None
-    middle = (start + end) / 2, robot.assemble(guess=pin.interpolate(robot.model, low, high, 0.5)).q
+    try:
+        middle = (start + end) / 2, robot.assemble(guess=pin.interpolate(robot.model, low, high, 0.5)).q
+    except AssemblyError:
+        return None  # samples too far apart to tell
     return _dependent(robot, one, middle, left - 1) or _dependent(robot, middle, other, left - 1)
 
 
