@@ -284,7 +284,7 @@ def unknown_field(key: object, data: Iterable[object], known: Collection[str]) -
     kinds = {name: words for name, words in _OF_FILES.items() if name in data}
     kind = None if set(kinds) & set(known) else next(iter(kinds.values()), None)
     told = meant(key, known) or (f"; this looks like {kind}" if kind else "")
-    told += "; decimals have a point, not a comma" if str(key)[:1].isdigit() else ""
+    told += "; decimals have a point, not a comma" if shown(key).lstrip("'")[:1].isdigit() else ""
     return f"unknown field {shown(key)}, expected {', '.join(known)}{told}"
 
 

@@ -734,7 +734,7 @@ def test_a_singular_start_is_one_line(capsys, tmp_path, how):
     sidecar.write_text(robots.PARALLELOGRAM_SIDECAR.to_yaml(), encoding="utf-8")
     code, _, err = loop(capsys, "simulate", path, "--duration", "0.1", *how)
     assert code == 2
-    assert err.startswith("p3dof: error: --set: the run would start at a singular configuration, ")
+    assert err.startswith("p3dof: error: the run would start at a singular configuration, ")
     assert err.count("\n") == 1
 
 

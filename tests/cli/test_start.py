@@ -459,7 +459,9 @@ def test_a_missing_extra_is_one_line_with_what_to_install(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "jinja2", None)
     code, _, err = run(capsys, "report", "task.yaml", "--out", "r.html")
     assert code == 2
-    assert err == "p3dof: error: a report needs jinja2: pip install 'p3dof[report]'\n"
+    assert (
+        err == "p3dof: error: Invalid value for '--out': a report needs jinja2: pip install 'p3dof[report]'\n"
+    )
 
 
 def test_words_for_a_decimal_comma_a_missing_section_and_semicolons(tmp_path, monkeypatch, capsys):
