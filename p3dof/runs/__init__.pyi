@@ -16,7 +16,8 @@ from .joint_controllers import (
     gains,
     moved_inertia,
 )
-from .results import JointExceedance, RobotRun
+from .plants import JointExceedance
+from .results import RobotRun
 from .robots import RobotController, simulate_robot
 from .robots_many import RobotRuns, simulate_robot_many
 

@@ -24,8 +24,7 @@ from p3dof.loops.tables import closure_conditioning, is_slide, joint_values, ove
 from p3dof.runs.following import follow_motion
 from p3dof.runs.joint_controllers import JointReference
 from p3dof.runs.margins import DEPENDENT, GROWING, SINGULAR, Stop
-from p3dof.runs.plants import ExternalOverTime, Loads
-from p3dof.runs.results import Limited
+from p3dof.runs.plants import ExternalOverTime, Limited, Loads
 
 _FEWEST, _MOST = 200, 4000  # steps of a curve that its forces begin with, and beyond which they do not go
 _SETTLED = 3e-4  # share by which twice as many samples may change peaks, RMS and power

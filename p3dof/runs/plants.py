@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.checks import FloatArray, frozen_array, shown
+from p3dof._base.checks import FloatArray, Readable, frozen_array, shown
 from p3dof._base.errors import DynamicsError, InputError
 from p3dof._base.time_series.wrenches import Load, WrenchHistory, WrenchOverTime
 
@@ -290,3 +291,85 @@ class DrivenPlant:
     def actuated(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities of the actuated joints, (n,) each."""
         return self._plant.actuated(state)
+
+
+@dataclass(frozen=True)
+class JointExceedance(Readable):
+    """A limit of a joint's force, speed or position that a run exceeds, where it does so the most.
+
+    Parameters
+    ----------
+    quantity : str
+        ``"force"``, ``"speed"`` or ``"position"``.
+    joint : str
+        The joint.
+    time : float
+        When [s].
+    value, limit : float
+        What it is then, and the limit of the robot's file on its side.
+    unit : str
+        Of both.
+    """
+
+    quantity: str
+    joint: str
+    time: float
+    value: float
+    limit: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.quantity} of {self.joint}: {self.value:g} {self.unit} at t = {self.time:g} s, "
+            f"limit {self.limit:g} {self.unit}"
+        )
+
+
+class Limited:
+    """A motion of any robot with its forces, held against the limits of the robot's file."""
+
+    loop: ClosedLoopModel
+    time: FloatArray
+    q: FloatArray
+    v: FloatArray
+    forces: FloatArray
+
+    def exceedances(self) -> tuple[JointExceedance, ...]:
+        """Return which limits in the robot's file samples exceed, each at its worst.
+
+        Those of force or speed that are zero or infinite are none, as files leave them out; and those of
+        position whose lower is not below the upper.
+        """
+        from p3dof.loops.assembly import BEYOND, Limits
+        from p3dof.loops.tables import is_slide
+
+        loop, model, found, ends = self.loop, self.loop.model, [], Limits(self.loop.model)
+        effort, speed = model.upperEffortLimit[loop.actuated_v], model.upperVelocityLimit
+        most = [("force", *one) for one in zip(loop.actuated, self.forces.T, effort, strict=True)]
+        single = [(str(model.names[i]), model.idx_vs[i]) for i in range(model.njoints) if model.nvs[i] == 1]
+        most += [("speed", name, self.v[:, at], speed[at]) for name, at in single]
+        rows = [(*one, -one[-1], 1e-12 * one[-1]) for one in most if one[-1] > 0]
+        limits = zip(ends.names, self.q[:, ends.q].T, ends.upper, ends.lower, strict=True)
+        rows += [("position", *one, BEYOND) for one in limits if one[-1] < one[-2]]
+        units = {"force": ("N m", "N"), "speed": ("rad/s", "m/s"), "position": ("rad", "m")}
+        for quantity, name, values, high, low, least in rows:
+            at = int(np.argmax(np.maximum(values - high, low - values)))
+            value, limit = float(values[at]), float(high if values[at] > high else low)
+            if max(value - high, low - value) > least:
+                unit = units[quantity][is_slide(loop, model.getJointId(name))]
+                found.append(JointExceedance(quantity, name, float(self.time[at]), value, limit, unit))
+        return tuple(found)
+
+    def values(self, name: str) -> FloatArray:
+        """Return the values of a joint (N,) or (N, n) [m, rad]; those of a continuous one go on after a turn.
+
+        Parameters
+        ----------
+        name : str
+            The joint; it must exist.
+        """
+        model, joint = self.loop.model, self.loop.model.getJointId(name)
+        at, size = model.idx_qs[joint], model.nqs[joint]
+        if size == 2 and model.nvs[joint] == 1:
+            return np.asarray(np.unwrap(np.arctan2(self.q[:, at + 1], self.q[:, at])))
+        return self.q[:, at] if size == 1 else self.q[:, at : at + size]

@@ -52,7 +52,7 @@ OPTIONS = r"""
 --drives | FILE | Catalogue of motors
 --drives-only | flag | Write drives.yaml only
 --drop-missing | flag | Leave out base samples with
---duration | number | Duration of
+--duration | number / AMOUNT | Duration of
 --engines | choice | Also compute the forces with
 --equilibrium | flag | Start uncontrolled degrees of freedom
 --estimator | choice | Maximum a posteriori

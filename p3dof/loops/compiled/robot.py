@@ -17,7 +17,6 @@ from p3dof.loops.compiled.loops import CoupledJoints, PassiveJoints
 from p3dof.loops.compiled.pivots import Plan, planned
 from p3dof.loops.coordinates import joint_named
 from p3dof.loops.loop_model import LoopModel
-from p3dof.loops.tables import overview
 from p3dof.loops.tree_formulas import numbers, tree_of
 
 SAMPLES = 12  # closed configurations that the pivots are chosen on
@@ -109,6 +108,8 @@ def _different(what: str, names: Iterable[str]) -> list[str]:
 
 def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> list[FloatArray]:
     """Return closed configurations around one, always the same, all regular; fewer if not found."""
+    from p3dof.loops.tables import overview
+
     found, draw = [np.array(start)], np.random.default_rng(seed)
     for _ in range(4 * SAMPLES):
         if len(found) == SAMPLES:
