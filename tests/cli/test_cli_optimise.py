@@ -11,7 +11,7 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
-from design_problems import paper_problem
+from design_problems import FILE, paper_problem
 from documents import ROOT
 from referencing import Registry, Resource
 
@@ -27,29 +27,6 @@ PARAMETERS = json.loads((REFERENCE / "parameters.schema.json").read_text(encodin
 VALIDATOR = jsonschema.Draft202012Validator(
     SCHEMA, registry=Registry().with_resource("parameters.schema.json", Resource.from_contents(PARAMETERS))
 )
-FILE: dict[str, Any] = {
-    "motion": {"paper": 201},
-    "bodies": "solids",
-    "variables": {
-        "r": ["80 mm", 0.2],
-        "R": ["150 mm", "500 mm"],
-        "L": ["200 mm", "80 cm"],
-        "rod_radius": ["3 mm", "15 mm"],
-    },
-    "fixed": {"slider_edge": "50 mm", "plate_thickness": 0.05, "corner_radius": "20 mm"},
-    "box": {"y": ["-100 mm", "100 mm"], "theta": ["-30 deg", "30 deg"]},
-    "objectives": ["peak_force", "width", "rms_power"],
-    "constraints": {
-        "box_height": {"min": "150 mm"},
-        "singularity": {"min": "15 deg"},
-        "serial_reach": {"min": 0.4},
-        "rod_frequency": {"min": 120},
-        "lowest_frequency": {"min": 80},
-        "relations": ["R >= r + 0.03", "L >= 1.02*(R - r + 0.1)"],
-    },
-    "modulus": "210 GPa",
-    "drive_stiffness": "10 N/um",
-}
 
 
 @pytest.fixture

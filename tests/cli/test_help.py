@@ -6,7 +6,7 @@ import re
 
 import click
 import pytest
-from command_line import run
+from command_line import commands, run
 
 from p3dof.cli.app import COMMANDS, app
 from p3dof.cli.loop import COMMANDS as OF_ROBOTS
@@ -213,17 +213,6 @@ OPTIONS = r"""
 """Every option: its name, the kinds of its values, and how its help begins.
 
 A new option needs a line of its own; what another option means already is given by that option's name."""
-
-
-def commands(group=app, path=()):
-    """Every command by its name."""
-    context = click.Context(group)
-    for name in group.list_commands(context):
-        found = group.get_command(context, name)
-        if isinstance(found, click.Group):
-            yield from commands(found, (*path, name))
-        else:
-            yield " ".join((*path, name)), found
 
 
 def options():

@@ -9,11 +9,10 @@ import shlex
 import numpy as np
 import pytest
 import yaml
-from command_line import run
+from command_line import commands, run
+from design_problems import FILE as PROBLEM
 from documents import ROOT
 from motor_logs import fourier_motion, motor_log, truth_of
-from test_cli_optimise import FILE as PROBLEM
-from test_output_forms import commands
 
 import p3dof
 from p3dof.analysis.identification import MachineForces

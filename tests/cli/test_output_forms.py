@@ -11,27 +11,16 @@ import click
 import numpy as np
 import pytest
 import yaml
-from command_line import run
+from command_line import commands, run
 from documents import ROOT
 
 import p3dof
 from p3dof._base.files import SUFFIXES
 from p3dof._base.tables import formatted, number, percent
-from p3dof.cli.app import app
 from p3dof.cli.files import OutputFile
 from p3dof.cli.output import plain
 
 FIVE_BAR = ROOT / "docs" / "_static" / "gallery" / "five_bar.urdf"
-
-
-def commands(group=app, path=()):
-    context = click.Context(group)
-    for name in group.list_commands(context):
-        found = group.get_command(context, name)
-        if isinstance(found, click.Group):
-            yield from commands(found, (*path, name))
-        else:
-            yield " ".join((*path, name)), found
 
 
 def test_every_command_has_both_options_once():

@@ -10,13 +10,12 @@ import builtins
 import re
 from types import ModuleType
 
-import click
 import pytest
+from command_line import commands
 from documents import ROOT
 from readers import READERS
 
 import p3dof
-from p3dof.cli import app
 from p3dof.cli.app import _CANNOT
 from p3dof.machine import description
 from p3dof.viewer.document.meshes import SUFFIXES
@@ -87,17 +86,7 @@ def test_every_error_is_described_with_what_it_is_and_the_exit_code():
         assert told == wanted, f"{name}: what a program can read from it"
 
 
-def commands(group=app, path=()):
-    context = click.Context(group)
-    for name in group.list_commands(context):
-        found = group.get_command(context, name)
-        if isinstance(found, click.Group):
-            yield from commands(found, (*path, name))
-        else:
-            yield " ".join((*path, name))
-
-
-@pytest.mark.parametrize("command", [*commands()])
+@pytest.mark.parametrize("command", [name for name, _ in commands()])
 def test_every_command_is_shown_on_a_page(command):
     """The reference is made of its help; this is about a page that uses it."""
     asked = re.compile(rf"\bp3dof {command}\b")
