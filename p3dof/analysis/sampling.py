@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray
-from p3dof._base.time_series.smoothing import between_samples
+from p3dof._base.time_series.smoothing import between_samples, breaks, subdivided
 from p3dof.analysis.energy import imbalance, work_given
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import singularity
@@ -203,9 +203,8 @@ def _changes(known: Loads, more: list[Loads], share: float) -> list[str]:
 
 def _interpolated(motion: Motion, parts: int) -> list[Motion]:
     """Return a motion with more samples, by two interpolations; none where the acceleration jumps."""
-    keep = np.repeat(~_jumps(motion.acceleration), parts)
-    keep[::parts] = True  # the samples themselves
-    time = motion.divided(parts).time[np.append(keep, True)]
+    whole = _jumps(motion.acceleration) | breaks(motion.time)
+    time = np.append(subdivided(motion.time, np.where(whole, 1, parts)), motion.time[-1])
     pose, velocity, *accelerations = between_samples(
         motion.time, motion.pose, motion.velocity, motion.acceleration, time
     )

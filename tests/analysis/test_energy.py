@@ -20,7 +20,7 @@ import p3dof.cli.forces
 from p3dof._base.errors import InputError, MissingExtraError, ReachError
 from p3dof.analysis.energy import energy_of, kinetic_energy, momentum, potential_energy
 from p3dof.analysis.energy import evaluation as energy_tables
-from p3dof.analysis.energy.evaluation import integral
+from p3dof.analysis.energy.evaluation import integral, work_weights
 from p3dof.cli import main
 from p3dof.closed_form import kinematics
 from p3dof.machine.motion import Motion
@@ -328,10 +328,23 @@ def test_uneven_times():
 
 
 def test_times_too_uneven_for_a_spline_are_integrated_by_trapezoids():
-    for time in (np.cumsum(np.geomspace(1e-12, 1, 30)), np.array([0, 5e-324, *range(1, 7)])):
+    for time in (np.cumsum(np.geomspace(1e-12, 1, 30)), np.array([0, 5e-324, 1e-323, *range(1, 7)])):
         rates = np.column_stack([np.ones(len(time)), np.sin(time)])
         found = integral(time, rates)(time)
         np.testing.assert_allclose(found[-1], np.trapezoid(rates, time, axis=0), rtol=1e-12)
+
+
+def test_a_power_that_jumps_is_integrated_on_each_side_of_the_jump():
+    sides = np.poly1d([3.0, -1, 2, 0, -4, 10]), np.poly1d([-2.0, 0, 5, 1, 1, -30])
+    first, last = np.linspace(0, 1, 12), np.linspace(1, 3, 30)
+    time = np.concatenate([first[:-1], [1 - 1e-10], last])
+    power = np.concatenate([sides[0](time[:12]), sides[1](last)])
+    done = [np.polyint(side) for side in sides]
+    before, after = done[0](first) - done[0](0), done[1](last) - done[1](1)
+    expected = np.concatenate([before, before[-1] + after])
+    np.testing.assert_allclose(integral(time, power[:, None])(time)[:, 0], expected, rtol=0, atol=1e-8)
+    assert abs(work_weights(time) @ power - expected[-1]) <= 1e-8
+    assert abs(np.trapezoid(power, time) - expected[-1]) > 1e-2
 
 
 def test_invalid_samples_part_the_work():

@@ -345,6 +345,22 @@ def test_a_limit_that_cannot_hold_the_machine_is_one_line(capsys, tmp_path, monk
 
 
 @pytest.mark.parametrize("waits", [0.0, 0.2])
+def test_loads_of_the_fastest_motion_are_those_of_many_samples(robot, waits):
+    """Both sides of a jump are samples, so that neither peaks nor work need more of them."""
+    stops = [[0, 0, 0], [-0.12, -0.01, -0.17], [0.12, 0.01, 0.35], [0, 0, 0]]
+    task = p3dof.Task([Waypoint(stop, dwell=waits * (k == 1)) for k, stop in enumerate(stops)])
+    plan, fine = (fastest_plan(robot, task, AxisLimits(300.0, 2.0), samples=n).motion for n in (1001, 40_001))
+    result, many = (robot.inverse_dynamics(motion, method="compiled") for motion in (plan, fine))
+    assert result.warnings == ()
+    np.testing.assert_allclose(result.peak_forces, many.peak_forces, rtol=1e-4)
+    energy = robot.energy(result)
+    power = many.forces * many.slider_velocities
+    scale = np.trapezoid(np.abs(power), many.time, axis=0)
+    assert np.all(np.abs(energy.work[-1] - np.trapezoid(power, many.time, axis=0)) <= 2e-4 * scale)
+    assert np.abs(energy.balance).max() <= 5e-4 * energy.scale
+
+
+@pytest.mark.parametrize("waits", [0.0, 0.2])
 def test_the_fastest_motion_can_be_read_from_its_own_file(robot, tmp_path, waits):
     """Without a limit of jerk it begins and ends with full acceleration, so its samples have to say."""
     stops = [[0, 0, 0], [-0.12, -0.01, -0.17], [0.12, 0.01, 0.35], [0, 0, 0]]

@@ -22,9 +22,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, positive, shown
 from p3dof._base.errors import MotionError
@@ -88,9 +90,37 @@ def between_samples(
 
     path = CubicHermiteSpline(time, pose, velocity)
     speed = CubicHermiteSpline(time, velocity, acceleration)
-    spline, unit = interpolating(time, acceleration, 3)
-    local = (at - time[0]) / unit
-    return path(at), speed(at), speed(at, 1), np.asarray(spline(local))
+    accelerations = np.zeros((len(at), 3))
+    for part in unbroken(time):
+        spline, unit = interpolating(time[part], acceleration[part], 3)
+        inside = (at >= time[part.start]) & (at <= time[part.stop - 1])
+        accelerations[inside] = spline((at[inside] - time[part.start]) / unit)
+    return path(at), speed(at), speed(at, 1), accelerations
+
+
+_BREAK = 1e-3  # a step that is a smaller share of both beside it is a jump
+
+
+def breaks(time: FloatArray) -> NDArray[np.bool_]:
+    """Return which steps are much shorter than both beside them: on their sides are two limits at a jump."""
+    step = np.diff(time)
+    beside = np.minimum(np.append(step[1:], np.inf), np.insert(step[:-1], 0, np.inf)[: len(step)])
+    return np.asarray((step < _BREAK * beside) & np.isfinite(beside))
+
+
+def unbroken(time: FloatArray) -> list[slice]:
+    """Return the parts that a motion has between breaks, and these; each begins where the one before ends."""
+    short = np.flatnonzero(breaks(time))
+    ends = np.unique(np.concatenate([[0], short, short + 1, [len(time) - 1]]))
+    return [slice(int(a), int(b) + 1) for a, b in pairwise(ends)] or [slice(0, 1)]
+
+
+def subdivided(time: FloatArray, parts: NDArray[np.intp]) -> FloatArray:
+    """Return times with each step in so many equal parts, shape (N - 1,); the last one is left out."""
+    place = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.asarray(
+        np.repeat(time[:-1], parts) + np.repeat(np.diff(time), parts) * place / np.repeat(parts, parts)
+    )
 
 
 def rest_to_rest(start: FloatArray, end: FloatArray, duration: float, order: int) -> Any:

@@ -24,6 +24,7 @@ from p3dof._base.tables import (
     number,
     table_of,
 )
+from p3dof._base.time_series.smoothing import unbroken
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.closed_form.kinematics import MechanismMotion, mechanism_motion
 from p3dof.machine.parameters import LEGS, LINKS, Parameters
@@ -65,7 +66,8 @@ class Energy(ShownInNotebook, Tabular):
 
     Work is integrated by a spline of degree 5 through the power at the samples, over runs of neighbouring
     valid samples (of a lower degree for fewer than 6; by trapezoids if their steps are too uneven for a
-    spline). What is done between two runs, across invalid samples or an actuation singularity, is unknown:
+    spline), each of which ends at steps a thousand times shorter than those beside them, where powers jump.
+    What is done between two runs, across invalid samples or an actuation singularity, is unknown:
     nothing is added for it, and the balance restarts.
 
     Parameters
@@ -356,6 +358,23 @@ def runs(result: InverseDynamics) -> list[slice]:
 
 def integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], FloatArray]:
     """Return the integral of powers from the first time on; from times (m,) to integrals (m, k)."""
+    parts = unbroken(time)
+    curves = [_integral(time[part], rates[part]) for part in parts]
+    starts = time[[part.start for part in parts]]
+    whole = [curve(time[[part.stop - 1]])[0] for curve, part in zip(curves, parts, strict=True)]
+    before = np.cumsum([np.zeros(rates.shape[1]), *whole[:-1]], axis=0)
+
+    def since(times: FloatArray) -> FloatArray:
+        at = np.clip(np.searchsorted(starts, times, "right") - 1, 0, None)
+        found = before[at]
+        for part in np.unique(at):
+            found[at == part] += curves[part](times[at == part])
+        return found
+
+    return since if len(parts) > 1 else curves[0]
+
+
+def _integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], FloatArray]:
     if len(time) == 1:
         return lambda t: np.zeros((len(t), rates.shape[1]))
     unit = (time[-1] - time[0]) / (len(time) - 1)  # the mean step keeps the equations well scaled
@@ -373,6 +392,13 @@ def integral(time: FloatArray, rates: FloatArray) -> Callable[[FloatArray], Floa
 
 def work_weights(time: FloatArray) -> FloatArray:
     """Return what the powers at the samples contribute to the work over all: weights of `integral` [s]."""
+    found = np.zeros(len(time))
+    for part in unbroken(time):
+        found[part] += _work_weights(time[part])
+    return found
+
+
+def _work_weights(time: FloatArray) -> FloatArray:
     count = len(time)
     if count == 1:
         return np.zeros(1)

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable
+from p3dof._base.time_series.smoothing import subdivided
 from p3dof.design.tasks.laws import Law
 from p3dof.design.tasks.paths import Path, Waypoint
 from p3dof.machine.motion import Motion, WrenchHistory
@@ -19,8 +21,10 @@ JUMP = 1e-9  # share of a plan within which the wrench of a history changes from
 _PARTS = 7
 """Every part of a way has so many times fewer samples than all ways are asked to have, at least; and a wait
 so many times fewer again."""
-_BETWEEN = 5  # least number of samples between a jump of an acceleration and the next
-_CLOSE = 1e-9  # share of the time that all ways take within which two samples are one
+_BETWEEN = 5  # least number of steps between a jump of an acceleration and the next
+_CLOSE, _BESIDE, _ROOM = 1e-9, 1e-7, 1e-4
+"""Shares of the time that all ways take: within the first two samples are one, and by the second the samples
+on both sides of a jump are apart; or by the third of the step beside, if that is less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,50 +184,65 @@ def sampled(spans: Sequence[Span], begun: Sequence[tuple[float, Stretch]], sampl
 
     They are even over each straight or blended part of a way, which has a seventh of `samples` at least, so
     that no peak is lost whatever else the task does meanwhile; where the platform stays, few are enough.
-    Where loads or accelerations change at once, there is a sample.
+    Where loads or accelerations change at once, there is a sample, and another one on the other side of a
+    jump of the acceleration.
     """
     moving, total = sum(stretch.law.duration for _, stretch in begun), spans[-1].end
     close = max(_CLOSE * moving, 1e-15 * total)
     turns = _apart([begin + s.law.when(s.path.breaks) for begin, s in begun], np.zeros(0), close)
     ends = np.array([0.0, *(span.end for span in spans)])
-    known = np.append(ends, _apart([begin + s.law.kinks for begin, s in begun], ends, close))
+    kinks = _apart([begin + s.law.kinks for begin, s in begun], np.append(ends, turns), close)
+    jumps = np.sort(np.concatenate([begin + s.law.jumps for begin, s in begun] or [np.zeros(0)]))
     least = math.ceil((samples - 1) / _PARTS)
-    found = []
+    found = [ends[-1:]]
     for span in spans:
         inner = turns[(turns > span.start + close) & (turns < span.end - close)]
         for start, end in pairwise([span.start, *inner.tolist(), span.end]):
             count = max(least, math.ceil((samples - 1) * (end - start) / moving - 1e-9))
             if span.first == span.last:
                 count = math.ceil(least / _PARTS)
-            count = min(count, max(1, int((end - start) / close)))
-            found.append(start + (end - start) * np.arange(count) / count)
-    beside = _between_jumps(begun)
-    known = np.append(known, _apart([beside], known, close)) if len(beside) else known
-    return np.asarray(np.sort(np.append(known, _apart(found, known, close))))
-
-
-def _between_jumps(begun: Sequence[tuple[float, Stretch]]) -> FloatArray:
-    """Return times between jumps of an acceleration: four samples each, for derivatives from one side."""
-    found: list[FloatArray] = [np.zeros(0)]
+            edges = np.concatenate([[start], kinks[(kinks > start) & (kinks < end)], [end]])
+            found.append(_between(edges, (end - start) / count, _gap(edges, jumps) <= close, close))
+    every = np.sort(np.concatenate(found))
+    beside, end = [every], 0.0
     for begin, stretch in begun:
-        for start, end in pairwise((begin + stretch.law.jumps).tolist()):
-            found.append(np.linspace(start, end, _BETWEEN + 2, dtype=np.float64)[1:-1])
-    return np.concatenate(found)
+        at = np.searchsorted(every, begin + stretch.law.jumps - close)
+        room = np.diff(every, prepend=-np.inf, append=np.inf)
+        apart = np.minimum(_BESIDE * moving, _ROOM * np.minimum(room[at], room[at + 1]))
+        if begin > end:
+            beside.append(every[at[:1]] + apart[:1])  # after a dwell, which has the sample where both meet
+        beside.append(every[at[1:]] - apart[1:])
+        end = begin + stretch.law.duration
+    return np.sort(np.concatenate(beside))
+
+
+def _between(edges: FloatArray, step: float, jumps: NDArray[np.bool_], close: float) -> FloatArray:
+    """Return times from each edge to before the next, evenly: so many that no step is longer.
+
+    From a jump to the next there are some at least, for derivatives from one side.
+    """
+    size = np.diff(edges)
+    count = np.ceil(size / step - 1e-9)
+    count = np.where(jumps[1:] & jumps[:-1], np.maximum(count, _BETWEEN), count)
+    count = np.minimum(count, np.maximum(1, size // close)).astype(np.intp)
+    return subdivided(edges, count)
 
 
 def _apart(times: Sequence[FloatArray], known: FloatArray, close: float) -> FloatArray:
     """Return those of times, shape (N,), that are no closer to each other, and to known ones, than that."""
     every: FloatArray = np.sort(np.concatenate(times))
     every = every[np.append(True, np.diff(every) > close)[: len(every)]]
+    return np.asarray(every[_gap(every, known) > close])
+
+
+def _gap(times: FloatArray, known: FloatArray) -> FloatArray:
+    """Return how far each of some times is from the nearest known one, infinite if there is none [s]."""
     if not len(known):
-        return every
+        return np.full(len(times), np.inf)
     there = np.sort(known)
-    after = np.searchsorted(there, every)
-    gap = np.minimum(
-        np.abs(there[np.minimum(after, len(there) - 1)] - every),
-        np.abs(there[np.maximum(after - 1, 0)] - every),
-    )
-    return np.asarray(every[gap > close])
+    after = np.searchsorted(there, times)
+    nearest = [there[np.minimum(after, len(there) - 1)], there[np.maximum(after - 1, 0)]]
+    return np.asarray(np.abs(np.array(nearest) - times).min(axis=0))
 
 
 def payloads(waypoints: Sequence[Waypoint], carrying: Body | None) -> list[Body | None]:

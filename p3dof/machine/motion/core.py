@@ -358,7 +358,8 @@ class Motion(FrozenArrays, ShownInNotebook, Tabular):
         Returns
         -------
         Motion
-            With ``parts * (len(self) - 1) + 1`` samples, on the curve or interpolated as by `resampled`.
+            With ``parts * (len(self) - 1) + 1`` samples, on the curve or interpolated as by `resampled`. A
+            step a thousand times shorter than both beside it stays: its ends are the two sides of a jump.
 
         Raises
         ------
@@ -369,11 +370,11 @@ class Motion(FrozenArrays, ShownInNotebook, Tabular):
         sample_count(parts * (len(self) - 1) + 1, least=1)
         if parts == 1 or len(self) == 1:
             return self[:]
-        shares = np.arange(parts) / parts
-        time = np.append((self.time[:-1, None] + np.diff(self.time)[:, None] * shares).ravel(), self.time[-1])
-        columns = self._at(time)
+        each = np.where(smoothing.breaks(self.time), 1, parts)
+        time = np.append(smoothing.subdivided(self.time, each), self.time[-1])
+        columns, places = self._at(time), np.append(0, np.cumsum(each))
         for column, known in zip(columns, (self.pose, self.velocity, self.acceleration), strict=True):
-            column[::parts] = known
+            column[places] = known
         return Motion(time, *columns, check=False, curve=self.curve, start=self.start)
 
     def from_rest(self, ramp: float, stop: float = 0.0, samples: int | None = None) -> Motion:
