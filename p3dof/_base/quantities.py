@@ -33,6 +33,8 @@ _UNITS: dict[str, tuple[Powers, Fraction]] = {
     "s": ((0, 0, 1, 0, 0), Fraction(1)),
     "ms": ((0, 0, 1, 0, 0), Fraction(1, 1000)),
     "min": ((0, 0, 1, 0, 0), Fraction(60)),
+    "Hz": ((0, 0, -1, 0, 0), Fraction(1)),
+    "kHz": ((0, 0, -1, 0, 0), Fraction(1000)),
     "rad": ((0, 0, 0, 1, 0), Fraction(1)),
     "mrad": ((0, 0, 0, 1, 0), Fraction(1, 1000)),
     "deg": ((0, 0, 0, 1, 0), Fraction(math.pi) / 180),
@@ -184,6 +186,7 @@ ANGLE = Quantity("an angle", "rad", ("deg",))
 SLIDE_DAMPING = Quantity("viscous friction of a slide", "N s/m", ("N s/mm",))
 HINGE_DAMPING = Quantity("viscous friction of a hinge", "N m s", ("N m s/rad",))
 TIME = Quantity("a time", "s", ("ms",))
+FREQUENCY = Quantity("a frequency", "Hz", ("kHz",))
 ROTATION = Quantity("a rotational speed", "rad/s", ("rpm",))
 STIFFNESS = Quantity("a stiffness", "N/m", ("N/um",))
 TURNING_STIFFNESS = Quantity("a stiffness against turning", "N m", ("N m/rad", "N m/mrad"))

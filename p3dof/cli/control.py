@@ -9,51 +9,58 @@ from typing import Any
 
 import click
 
-from p3dof.cli.kinds import POSITIVE, Number, Whole, options
+from p3dof._base.quantities import Quantity
+from p3dof.cli.kinds import FROM_ZERO, HERTZ, POSITIVE, SECONDS, Amount, Whole, options
 from p3dof.runs import Noise
 from p3dof.runs.settings import TIME_LIMIT, ControlLoop
 
-RATE = click.option("--rate", type=POSITIVE, default=1000.0, help="Sampling rate of the controller [Hz].")
+RATE = click.option("--rate", type=HERTZ, default=1000.0, help="Sampling rate of the controller [Hz].")
 FREQUENCY = click.option(
-    "--frequency", type=POSITIVE, default=5.0, help="Natural frequency of the closed loop [Hz]."
+    "--frequency", type=HERTZ, default=5.0, help="Natural frequency of the closed loop [Hz]."
 )
 DAMPING = click.option("--damping", type=POSITIVE, default=1.0, help="Damping ratio of the closed loop.")
-ACTUATION = options(
-    click.option(
-        "--noise",
-        type=Number(min=0),
-        nargs=2,
-        help="Standard deviations of measured positions [m or rad] and velocities of the actuated joints.",
-    ),
-    click.option("--seed", type=Whole(min=0), default=0, help="Seed of the random numbers."),
-    click.option(
-        "--resolution",
-        type=Number(min=0),
-        default=0.0,
-        help="Resolution of the encoders: positions are rounded to it [m or rad].",
-    ),
-    click.option(
-        "--differencing", is_flag=True, help="Measure velocities as position differences over a period."
-    ),
-    click.option(
-        "--delay",
-        type=Number(min=0),
-        default=0.0,
-        help="Delay from a measurement to the forces that follow from it [s]; may exceed a period.",
-    ),
-    click.option(
-        "--bandwidth",
-        type=POSITIVE,
-        help="Bandwidth of the drives, a first-order lag [Hz]; by default unlimited.",
-    ),
-)
+
+
+def actuation(positions: tuple[Quantity, ...], velocities: tuple[Quantity, ...]) -> Callable[..., Any]:
+    """Return the options of what is measured, of such kinds, and of drives."""
+    unit, per = (" or ".join(kind.unit for kind in kinds) for kinds in (positions, velocities))
+    return options(
+        click.option(
+            "--noise",
+            type=(Amount(*positions, zero=True), Amount(*velocities, zero=True)),
+            metavar="AMOUNT AMOUNT",
+            help=f"Standard deviations of measured positions [{unit}] and velocities [{per}] of the actuated "
+            "joints.",
+        ),
+        click.option("--seed", type=Whole(min=0), default=0, help="Seed of the random numbers."),
+        click.option(
+            "--resolution",
+            type=Amount(*positions, zero=True),
+            default=0.0,
+            help=f"Resolution of the encoders: positions are rounded to it [{unit}].",
+        ),
+        click.option(
+            "--differencing", is_flag=True, help="Measure velocities as position differences over a period."
+        ),
+        click.option(
+            "--delay",
+            type=FROM_ZERO,
+            default=0.0,
+            help="Delay from a measurement to the forces that follow from it [s]; may exceed a period.",
+        ),
+        click.option(
+            "--bandwidth",
+            type=HERTZ,
+            help="Bandwidth of the drives, a first-order lag [Hz]; by default unlimited.",
+        ),
+    )
 
 
 def time_limit(what: str) -> Callable[..., Any]:
     """Return the option for the longest time that something may take."""
     return click.option(
         "--time-limit",
-        type=POSITIVE,
+        type=SECONDS,
         default=TIME_LIMIT,
         help=f"Limit of the computing time of {what} [s], estimated before the start.",
     )

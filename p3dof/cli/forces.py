@@ -15,7 +15,7 @@ from p3dof._base.tables import formatted, table_of
 from p3dof.cli.app import app
 from p3dof.cli.case import LOAD_FRICTION, METHOD, STIFFNESS, Case, load_friction_in, stiffness_in, with_case
 from p3dof.cli.files import out_folder, save_figure_if_possible, write_results
-from p3dof.cli.kinds import FIGURE, Number, table_out
+from p3dof.cli.kinds import FIGURE, MOMENT_OF_MOTION, Number, table_out
 from p3dof.cli.output import print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.methods import InverseDynamics, engines, evidence_table, forces_table, limits_table
 from p3dof.methods.comparison import ENGINE_TOLERANCE, agreement_table, opinions_table
@@ -175,7 +175,7 @@ class Drawings:
 @click.option("--only", type=click.Choice(FIGURES), multiple=True, help="Draw only this figure; repeatable.")
 @click.option(
     "--at",
-    type=float,
+    type=MOMENT_OF_MOTION,
     help="Time of the motion at which the mechanism is drawn [s]; by default its first valid sample.",
 )
 def draw(case: Case, out: Path, formats: tuple[str, ...], only: tuple[str, ...], at: float | None) -> int:

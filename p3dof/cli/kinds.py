@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
 import click
 import yaml
 
-from p3dof._base.checks import LARGEST, SMALLEST, shown, with_point
-from p3dof._base.errors import ParameterError
-from p3dof._base.quantities import TIME, Quantity
-from p3dof._base.time_series.smoothing import Smooth
+from p3dof._base.checks import LARGEST, SMALLEST, is_number, shown, with_point
+from p3dof._base.errors import InputError, ParameterError
+from p3dof._base.quantities import FREQUENCY, TIME, Quantity
 from p3dof.cli.files import OutputFile
 
 
@@ -82,25 +83,69 @@ class Whole(click.IntRange):
 POSITIVE = Number(min=0, min_open=True)
 
 
+class Given(float):
+    """A number in SI units that came with a unit, where units of several kinds may be given."""
+
+    unit = ""
+
+
+def require_unit(option: str, number: object, units: Iterable[str]) -> None:
+    """Raise where a number came with a unit, and what it is for has others."""
+    known = sorted(set(units))
+    if isinstance(number, Given) and known != [number.unit]:
+        raise InputError(
+            f"{option}: expected {' and '.join(known) or 'no unit'}, as the actuated joints have"
+            f"{', by a number without a unit' if len(known) > 1 else ''}, got {number:g} {number.unit}"
+        )
+
+
 class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A positive number with a unit, or in SI units; zero too if it is said."""
+    """A number with a unit, or in SI units: a positive one, zero too if it is said, or one within ends.
+
+    Of several kinds, whichever its unit is of, which a `Given` has. Words may stand for other values.
+    """
 
     name = "AMOUNT"
 
-    def __init__(self, quantity: Quantity, zero: bool = False) -> None:
-        self._quantity, self._zero = quantity, zero
+    def __init__(
+        self,
+        *kinds: Quantity,
+        zero: bool = False,
+        ends: tuple[float, float] | None = None,
+        words: dict[str, Any] | None = None,
+    ) -> None:
+        self._kinds, self._zero, self._ends, self._words = kinds, zero, ends, words or {}
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the number in SI units."""
-        try:
-            number = float(self._quantity.read(value, "number"))
-        except (ParameterError, ValueError):
-            example = (self._quantity.unit, *self._quantity.others)[-1]
-            rule = f"expected {self._quantity.name} such as '5 {example}'"
+        if value in self._words:
+            return self._words[value]
+        number, kind = math.nan, self._kinds[0]
+        for each in self._kinds:
+            with suppress(ParameterError, ValueError):
+                number, kind = float(each.read(value, "number")), each
+                break
+        else:
+            names = [one.name for one in self._kinds]
+            rule = f"expected {' or '.join(names)} such as '5 {(kind.unit, *kind.others)[-1]}'"
+            rule += "".join(f", or {word}" for word in self._words)
             self.fail(f"{rule}, got {shown(value)}{with_point(value)}", param, ctx)
-        if not (SMALLEST <= number <= LARGEST or (number == 0 and self._zero)):
-            self.fail(f"expected a positive number, got {number:g}", param, ctx)
+        rule = f"expected {'zero or ' * self._zero}a positive number"
+        good = SMALLEST <= number <= LARGEST or (number == 0 and self._zero)
+        if self._ends is not None:
+            low, high = self._ends
+            rule, good = f"expected {kind.name} from {low:g} to {high:g} {kind.unit}", low <= number <= high
+        if not good:
+            self.fail(f"{rule}, got {number:g}", param, ctx)
+        if len(self._kinds) > 1 and isinstance(value, str) and not is_number(value):
+            number = Given(number)
+            number.unit = kind.unit
         return number
+
+
+SECONDS, HERTZ = Amount(TIME), Amount(FREQUENCY)
+FROM_ZERO = Amount(TIME, zero=True)
+MOMENT_OF_MOTION = Amount(TIME, ends=(-LARGEST, LARGEST))
 
 
 class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
@@ -124,24 +169,9 @@ class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic
         return name.strip(), number
 
 
-class Smoothing(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """How to smooth the values of a motion file: "auto", or a frequency [Hz]."""
-
-    name = "SMOOTH"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Smooth:
-        """Return what `Motion.from_csv` takes."""
-        if value == "auto":
-            return "auto"
-        try:
-            return float(POSITIVE.convert(value, param, ctx))
-        except click.BadParameter:
-            self.fail(f"expected auto, or a frequency in Hz above zero, got {shown(value)}", param, ctx)
-
-
 SMOOTH = click.option(
     "--smooth",
-    type=Smoothing(),
+    type=Amount(FREQUENCY, words={"auto": "auto"}),
     metavar="auto|HZ",
     help="Filter a measured or rounded motion: a cut-off frequency [Hz], or auto, above which there is only "
     "noise.",
@@ -152,7 +182,7 @@ FIGURE = click.option(
 
 DURATION = click.option(
     "--duration",
-    type=Amount(TIME),
+    type=SECONDS,
     help="Duration of the whole task, dwells included [s]; not needed if every stop has one in the file.",
 )
 

@@ -26,15 +26,27 @@ from p3dof._base.checks import (
 )
 from p3dof._base.errors import InputError
 from p3dof._base.files import read_text, suffix_of
-from p3dof._base.quantities import ANGLE, LENGTH
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT
 from p3dof.cli.files import InputFile, console_beside, file_name, source, write_results
-from p3dof.cli.kinds import FIGURE, POSITIVE, Amount, Named, Whole, as_one, options, table_out
+from p3dof.cli.kinds import (
+    FIGURE,
+    HERTZ,
+    SECONDS,
+    Amount,
+    Named,
+    Whole,
+    as_one,
+    options,
+    require_unit,
+    table_out,
+)
 from p3dof.cli.output import in_options, print_plain, print_written, progress_bar, show
 from p3dof.loops.identification.excitation import Excitation, excitation_tables, optimise_excitation
 from p3dof.loops.identification.forces import IdentifiableForces, States
 from p3dof.loops.identification.search import Criterion
 
 _LENGTHS = {**LENGTHS, "um": (1.0, 1e6), "µm": (1.0, 1e6)}
+_FORCE = Amount(FORCE, MOMENT)
 _ANGLES = {**ANGLES, "mrad": (1.0, 1e3)}
 
 
@@ -190,7 +202,7 @@ def wanted(motions: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     found: Callable[[Callable[..., Any]], Callable[..., Any]] = as_one(
         "wanted",
         Wanted,
-        click.option("--duration", type=POSITIVE, default=2.0, help="Duration of a period [s]."),
+        click.option("--duration", type=SECONDS, default=2.0, help="Duration of a period [s]."),
         click.option("--harmonics", type=Whole(1, 100), default=5, help="Harmonics of the Fourier series."),
         click.option(
             "--waypoints",
@@ -205,11 +217,11 @@ def wanted(motions: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
             "condition number.",
         ),
         click.option("--prior", is_flag=True, help="The estimate will use the prior of the design."),
-        click.option("--noise", type=POSITIVE, default=1.0, help="Noise of a measured force [N or N m]."),
-        click.option("--rate", type=POSITIVE, default=1000.0, help="Samples of the measurement [Hz]."),
+        click.option("--noise", type=_FORCE, default=1.0, help="Noise of a measured force [N or N m]."),
+        click.option("--rate", type=HERTZ, default=1000.0, help="Samples of the measurement [Hz]."),
         click.option("--periods", type=Whole(1, 100_000), default=5, help="Periods that are measured."),
         click.option(
-            "--ramp", type=POSITIVE, help="Ramps from and to rest, each [s]; by default a period or more."
+            "--ramp", type=SECONDS, help="Ramps from and to rest, each [s]; by default a period or more."
         ),
         click.option("--seed", type=Whole(0, 2**32 - 1), default=0, help="Seed of the random numbers."),
         click.option(
@@ -224,7 +236,7 @@ def wanted(motions: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 
 ACCURACY = click.option(
     "--target-error",
-    type=POSITIVE,
+    type=_FORCE,
     help="Also compute how long must be measured for this error of predicted forces [N or N m, RMS].",
 )
 TASK = click.option(
@@ -242,6 +254,8 @@ def run(
     derivatives: bool,
 ) -> int:
     """Find an excitation motion; print and write it."""
+    require_unit("--noise", wanted.noise, forces.force_units)
+    require_unit("--target-error", target_error, forces.force_units)
     with in_options({"waypoints: ": "--waypoints: ", "rate: ": "--rate: ", "accuracy: ": "--target-error: "}):
         found = optimise_excitation(forces, task=task, watch=progress_bar, **asdict(wanted))
         measured = None if target_error is None else found.duration_for(target_error)

@@ -13,11 +13,11 @@ import numpy as np
 from p3dof._base.checks import FloatArray, meant, shown
 from p3dof._base.errors import InputError
 from p3dof._base.files import together, write_table
-from p3dof._base.quantities import FORCE, JERK, POWER, SPEED
+from p3dof._base.quantities import FORCE, JERK, MASS, POWER, SPEED
 from p3dof.cli.app import app
 from p3dof.cli.case import METHOD
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.kinds import DURATION, FIGURE, Amount, Number, Whole, as_one
+from p3dof.cli.kinds import DURATION, FIGURE, Amount, Whole, as_one
 from p3dof.cli.machine import DRIVE_STIFFNESS, PARAMETERS, machine_of
 from p3dof.cli.output import in_options, print_plain, print_written, progress_bar, show
 from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
@@ -267,7 +267,7 @@ def plan(asked: _Asked, duration: float | None) -> int:
 @click.option("--max-nut-force", "nut_force", type=Amount(FORCE), help="Limit of the force of each nut [N].")
 @click.option(
     "--reflected-mass",
-    type=Number(min=0),
+    type=Amount(MASS, zero=True),
     help="Reflected mass of motor and screw at each slider [kg], counted in the force limit.",
 )
 @click.option(

@@ -30,9 +30,9 @@ from p3dof.cli.case import (
     with_load,
 )
 from p3dof.cli.files import InputFile, source, write_results
-from p3dof.cli.kinds import DURATION, FIGURE, Number, as_one, table_out
+from p3dof.cli.kinds import DURATION, FIGURE, as_one, table_out
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
-from p3dof.cli.work import LIFE
+from p3dof.cli.work import LIFE, REST
 from p3dof.design.bearings import (
     advice_table,
     bearing_life,
@@ -168,7 +168,7 @@ def _warnings(case: Case) -> tuple[str, ...]:
 @click.argument("bearings_file", metavar="BEARINGS", type=InputFile())
 @with_load
 @with_joint_loads
-@click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
+@REST
 @LIFE
 def bearings(loads: JointLoads, bearings_file: Path, rest: float, life: str | None) -> int:
     """Compute the life of bearings and guides for a repeated motion, and the buckling safety of rods.

@@ -12,11 +12,12 @@ from rich.console import Console
 
 from p3dof._base.errors import InputError
 from p3dof._base.files import together
+from p3dof._base.quantities import FORCE, LENGTH, SPEED
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
-from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
+from p3dof.cli.control import DAMPING, FREQUENCY, RATE, Feedback, actuation, time_limit
 from p3dof.cli.files import InputFile, OutputFile, out_folder, protect, save_figure_if_possible, source
-from p3dof.cli.kinds import POSITIVE, Number, Whole, as_one
+from p3dof.cli.kinds import FROM_ZERO, SECONDS, Amount, Number, Whole, as_one
 from p3dof.cli.machine import any_size
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.closed_form.compiled.runs import available
@@ -30,6 +31,7 @@ from p3dof.runs.machine import COMPILED
 from p3dof.runs.many import failures, figures_table, read_runs, stops_table
 from p3dof.runs.settings import Work, estimate, require_affordable
 
+_FORCE = Amount(FORCE)
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
 
@@ -52,16 +54,16 @@ _with_feedback = as_one(
     DAMPING,
     click.option(
         "--integral-time",
-        type=POSITIVE,
+        type=SECONDS,
         help="Integral time of the controller [s]; by default no integral action.",
     ),
     click.option(
-        "--saturation", type=POSITIVE, help="Saturation of the actuator forces [N]; by default unlimited."
+        "--saturation", type=_FORCE, help="Saturation of the actuator forces [N]; by default unlimited."
     ),
-    ACTUATION,
+    actuation((LENGTH,), (SPEED,)),
     click.option(
         "--ramp",
-        type=Number(min=0),
+        type=FROM_ZERO,
         help="Time over which the motion is entered from rest [s], 0 to start at its own velocity; by "
         f"default {RAMP}, and 0 for a motion that starts at rest.",
     ),
@@ -214,9 +216,9 @@ def _print_ratio(console: Console, runs: dict[str, Simulation]) -> None:
 )
 @_with_feedback
 @click.option(
-    "--duration", type=POSITIVE, help="Duration of each simulation [s]; by default that of the motion."
+    "--duration", type=SECONDS, help="Duration of each simulation [s]; by default that of the motion."
 )
-@click.option("--step", type=POSITIVE, default=1e-3, help="Largest step of the RK4 integrator [s].")
+@click.option("--step", type=SECONDS, default=1e-3, help="Largest step of the RK4 integrator [s].")
 @click.option("--threads", type=Whole(1, 1024), help="Number of threads; by default one a processor.")
 @time_limit("all simulations")
 @click.option(

@@ -19,7 +19,7 @@ from rich.console import Console
 from p3dof._base.errors import LOG
 from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof.cli.app import tell_doubts
-from p3dof.cli.kinds import Number, Whole, as_one
+from p3dof.cli.kinds import MOMENT_OF_MOTION, Number, Whole, as_one
 from p3dof.cli.output import print_plain, progress_bar
 from p3dof.viewer.showing import FASTEST, SLOWEST
 from p3dof.viewer.window import has_display
@@ -48,7 +48,7 @@ _OPTIONS = (
     click.option("--fps", type=Number(1, 240), help="Frames per second of a film; by default 25."),
     click.option(
         "--at",
-        type=float,
+        type=MOMENT_OF_MOTION,
         help="Start time of playback, and time of a picture [s]; by default that of the first sample.",
     ),
     click.option("--paused", is_flag=True, help="Start with playback paused."),

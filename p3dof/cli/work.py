@@ -15,7 +15,7 @@ from p3dof._base.quantities import LENGTH
 from p3dof.analysis.reactions import Stiffness
 from p3dof.cli.case import LOAD_FRICTION, load_friction_in
 from p3dof.cli.files import InputFile, protect, source
-from p3dof.cli.kinds import DURATION, POSITIVE, Amount, Number, as_one
+from p3dof.cli.kinds import DURATION, FROM_ZERO, POSITIVE, Amount, as_one
 from p3dof.cli.output import in_options, progress_bar
 from p3dof.design.assessment import Assessment, assess
 from p3dof.design.bearings import read_bearings
@@ -33,7 +33,7 @@ from p3dof.methods.registry import Method
 SAMPLES = 2001
 """Least number of samples of a planned task."""
 
-REST = click.option("--rest", type=Number(min=0), default=0.0, help="Time at rest after each cycle [s].")
+REST = click.option("--rest", type=FROM_ZERO, default=0.0, help="Time at rest after each cycle [s].")
 BRAKE = click.option(
     "--brake-safety", type=POSITIVE, default=BRAKE_SAFETY, help="Safety factor of holding brakes."
 )

@@ -19,6 +19,8 @@ from PIL import Image
 
 import p3dof
 from p3dof._base.errors import InputError, ModelError
+from p3dof._base.quantities import FORCE, MOMENT
+from p3dof.cli.kinds import Amount, require_unit
 from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.loops.compiled.build import compiler
 from p3dof.loops.tables import overview
@@ -580,6 +582,39 @@ def test_simulate_stops_at_limits_or_ignores_them(capsys, five_bar):
     assert re.search(r"largest force of an actuator\W+1 N", out)
 
 
+def test_numbers_of_simulate_have_units(five_bar, tmp_path, capsys):
+    """The same run, to the byte; saturation and noise in the units of the actuated joints, which turn."""
+    given = {
+        "--duration": ("0.05", "50ms"),
+        "--rate": ("500", "0.5 kHz"),
+        "--saturation": ("3", "3000 N mm"),
+        "--noise": ("0.001 0.02", "1mrad 20mrad/s"),
+        "--resolution": ("0.002", "2 mrad"),
+        "--delay": ("0.002", "2 ms"),
+        "--bandwidth": ("150", "0.15 kHz"),
+        "--external": ("left_tip=1,0,0.5,0,0,0.001", "left_tip=1000 mN,0,0.5 N,0,0,1 N mm"),
+    }
+    files = []
+    for i, out in enumerate((tmp_path / "plain.csv", tmp_path / "units.csv")):
+        line = ["--controller", "pd", "--frequency", "4", "--out", out]
+        for option, values in given.items():
+            line += [option, *(values[i].split() if option == "--noise" else [values[i]])]
+        assert loop(capsys, "simulate", five_bar, *line)[0] == 0
+        files.append(out.read_bytes())
+    assert files[0] == files[1]
+
+
+def test_a_number_with_a_unit_is_for_motors_that_are_alike():
+    """Slides and hinges together have no common unit; a plain number, and None, are for all."""
+    given = Amount(FORCE, MOMENT).convert("5 N", None, None)
+    for number in (3.0, None, True):
+        require_unit("--saturation", number, ["N m", "N"])
+    with pytest.raises(
+        InputError, match=r"--saturation: expected N and N m, as .*, by a number without a unit, got 5 N$"
+    ):
+        require_unit("--saturation", given, ["N m", "N"])
+
+
 def test_many_limits_that_are_exceeded_are_counted(capsys, tmp_path):
     """Ten sliders side by side, each pushed by twice its effort: eight are named."""
     body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -675,7 +710,31 @@ def test_runs_that_cannot_be(five_bar):
             ("simulate", "FILE", "--method", "general", "--time-limit", "1e-9"),
             "fewer samples or --method compiled, or allow it by --time-limit",
         ),
-        (("simulate", "FILE", "--saturation", "-1"), "'--saturation': -1.0 is not in the range"),
+        (("simulate", "FILE", "--saturation", "-1"), "'--saturation': expected a positive number, got -1"),
+        (
+            ("simulate", "FILE", "--saturation", "foo"),
+            "expected a force or a moment such as '5 kN', or file, got 'foo'",
+        ),
+        (
+            ("simulate", "FILE", "--saturation", "5 N"),
+            "--saturation: expected N m, as the actuated joints have, got 5 N",
+        ),
+        (
+            ("simulate", "FILE", "--resolution", "1 mm"),
+            "--resolution: expected rad, as the actuated joints have, got 0.0",
+        ),
+        (
+            ("simulate", "FILE", "--noise", "1", "1 mm/s"),
+            "--noise: expected rad/s, as the actuated joints have, got 0.0",
+        ),
+        (
+            ("simulate", "FILE", "--duration", "2 mm"),
+            "'--duration': expected a time such as '5 ms', got '2 mm'",
+        ),
+        (
+            ("simulate", "FILE", "--external", "left_tip=1 m,2,3"),
+            "--external left_tip: expected a force, a number in N",
+        ),
         (("simulate", "FILE", "--multipliers"), "--multipliers needs --out"),
         (
             ("simulate", "FILE", "--external", "left_tip=1,2"),

@@ -236,16 +236,25 @@ def test_every_option_of_simulate(tmp_path, capsys, wrench_file):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--rate", "0"), "'--rate': 0.0 is not in the range x>0"),
-        (("--frequency", "-1"), "'--frequency': -1.0 is not in the range x>0"),
+        (("--rate", "0"), "'--rate': expected a positive number, got 0"),
+        (("--frequency", "-1"), "'--frequency': expected a positive number, got -1"),
         (("--mass-error", "-1"), "'--mass-error': -1.0 is not in the range x>-1"),
         (("--mass-error", "nan"), "'--mass-error': expected a finite number"),
-        (("--saturation", "0"), "'--saturation': 0.0 is not in the range x>0"),
-        (("--noise", "-1", "0"), "'--noise': -1.0 is not in the range x>=0"),
+        (("--saturation", "0"), "'--saturation': expected a positive number, got 0"),
+        (("--saturation", "foo"), "'--saturation': expected a force such as '5 kN', got 'foo'"),
+        (("--saturation", "50 Nm"), "'--saturation': expected a force such as '5 kN', got '50 Nm'"),
+        (("--rate", "500 rpm"), "'--rate': expected a frequency such as '5 kHz', got '500 rpm'"),
+        (("--delay", "nan"), "'--delay': expected zero or a positive number, got nan"),
+        (
+            ("--ramp", "0,5"),
+            "'--ramp': expected a time such as '5 ms', got '0,5'; with a decimal point it is 0.5",
+        ),
+        (("--noise", "1", "2 mm"), "'--noise': expected a speed such as '5 mm/s', got '2 mm'"),
+        (("--noise", "-1", "0"), "'--noise': expected zero or a positive number, got -1"),
         (("--seed", "-1", "--noise", "0", "0"), "'--seed': -1 is not in the range x>=0"),
         (("--ramp", "5"), "ramp, stop: expected at most 2 s together, got 5 s"),
         (("--controller", "magic"), "'magic' is not one of"),
-        (("--integral-time", "0"), "'--integral-time': 0.0 is not in the range x>0"),
+        (("--integral-time", "0"), "'--integral-time': expected a positive number, got 0"),
     ],
 )
 def test_bad_options_of_simulate(tmp_path, capsys, arguments, words):
@@ -254,6 +263,31 @@ def test_bad_options_of_simulate(tmp_path, capsys, arguments, words):
     assert words in err
     assert len(err.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_of_simulate_have_units(tmp_path, capsys):
+    """The same run, to the byte, whether its numbers are in SI units or in others."""
+    given = {
+        "--rate": ("500", "0.5 kHz"),
+        "--frequency": ("8", "8 Hz"),
+        "--integral-time": ("0.1", "100ms"),
+        "--saturation": ("200", "0.2kN"),
+        "--noise": ("1e-6 0.0001", "1um 0.1mm/s"),
+        "--resolution": ("1e-6", "0.001 mm"),
+        "--delay": ("0.002", "2 ms"),
+        "--bandwidth": ("120", "0.12kHz"),
+        "--ramp": ("0.25", "250 ms"),
+        "--time-limit": ("600", "10 min"),
+    }
+    files = []
+    for i, out in enumerate((tmp_path / "plain", tmp_path / "units")):
+        line = ["--controller", "pd", "--no-plot", "--out", out]
+        for option, values in given.items():
+            line += [option, *(values[i].split() if option == "--noise" else [values[i]])]
+        code, _, err = run(capsys, "simulate", *line)
+        assert (code, err) == (0, "")
+        files.append((out / "simulation_pd.csv").read_bytes())
+    assert files[0] == files[1]
 
 
 def test_outputs_never_replace_inputs(capsys, wrench_file):

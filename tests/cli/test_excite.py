@@ -66,7 +66,12 @@ def test_the_figure_has_limits_and_every_coordinate():
     [
         (("--criterion", "E"), "'E' is not one of 'prediction', 'D', 'condition'"),
         (("--harmonics", "0"), "0 is not in the range 1<=x<=100"),
-        (("--duration", "0"), "0.0 is not in the range x>0"),
+        (("--duration", "0"), "'--duration': expected a positive number, got 0"),
+        (("--noise", "0.1 Nm"), "--noise: expected N, as the actuated joints have, got 0.1 N m"),
+        (
+            ("--target-error", "1 kg"),
+            "'--target-error': expected a force or a moment such as '5 kN', got '1 kg'",
+        ),
         (("--rate", "4"), "--rate: expected more than 5 Hz"),
         (("--waypoints", "3"), "3 is not in the range 6<=x<=200"),
         (("--motions", "5", "--target-error", "1e-9"), "--target-error: it takes more than"),

@@ -23,9 +23,9 @@ OPTIONS = r"""
 --any-size | flag | Accept a machine larger than
 --armature | NUMBER[,B,C] | Armature
 --around | JOINT=VALUE,... | Positions of joints
---at | float | (Start time of playback|Time of the motion)
+--at | AMOUNT | (Start time of playback|Time of the motion)
 --bake | flag | Make the parameters of the
---bandwidth | number | Bandwidth of the drives
+--bandwidth | AMOUNT | Bandwidth of the drives
 --base | text | Frame that it is seen
 --bearings | FILE | Ratings of bearings and guides
 --best-path | flag | Also optimise blends and waypoints
@@ -44,7 +44,7 @@ OPTIONS = r"""
 --criterion | choice | Least error of predicted forces
 --cuda | flag | Also CUDA C\+\+
 --damping | number | Damping ratio of the closed
---delay | number | Delay from a measurement to
+--delay | AMOUNT | Delay from a measurement to
 --designs | FILE | Table of designs
 --differencing | flag | Measure velocities as position differences
 --drive-stiffness | NUMBER[,B,C] | Stiffness of each drive
@@ -52,7 +52,7 @@ OPTIONS = r"""
 --drives | FILE | Catalogue of motors
 --drives-only | flag | Write drives.yaml only
 --drop-missing | flag | Leave out base samples with
---duration | number / AMOUNT | Duration of
+--duration | AMOUNT | Duration of
 --engines | choice | Also compute the forces with
 --equilibrium | flag | Start uncontrolled degrees of freedom
 --estimator | choice | Maximum a posteriori
@@ -67,12 +67,12 @@ OPTIONS = r"""
 --float | flag | Single precision
 --floating | flag | Floating base
 --force | flag | Overwrite
---force-delay | number | Time by which forces are
+--force-delay | AMOUNT | Time by which forces are
 --forces-out | FILE | File to write forces
 --format | choice | Format
 --fps | number | Frames per second of a
 --frame | text | Frame that is measured
---frequency | number | Natural frequency of the closed
+--frequency | AMOUNT | Natural frequency of the closed
 --functions | text | Functions
 --generations | whole number | Largest number of generations of
 --gradient | COLUMN | Column by which all results
@@ -84,7 +84,7 @@ OPTIONS = r"""
 --include-root | FOLDER | Folder below which an MJCF or SDF may
 --index | NAME | Performance index
 --inertia | JOINT | Joint of a body whose
---integral-time | number | Integral time of the controller
+--integral-time | AMOUNT | Integral time of the controller
 --joint-forces | flag | Additional joint forces as an
 --joint-model | choice | Model for the reactions that
 --json | flag | Print the results as JSON
@@ -115,8 +115,7 @@ OPTIONS = r"""
 --motors-out | FILE | File to write motor references
 --multipliers | flag | Also write the closure forces
 --nodes | whole number | Grid intervals between two stops
---noise | number | Standard deviations of measured positions
---noise | number | (Standard deviations of measured positions|Noise of a measured force)
+--noise | AMOUNT AMOUNT / AMOUNT | (Standard deviations of measured positions|Noise of a measured force)
 --objective | choice / text | (What is minimised|Measure to optimise)
 --observer | flag | A momentum observer
 --of | text | Result whose sensitivity is computed
@@ -134,7 +133,7 @@ OPTIONS = r"""
 --payload | MASS[,X,Y,Z] | Point mass on the platform
 --payload-estimator | flag | An estimator of the inertial parameters
 --per-axis | flag | Choose the drive of each
---period | number | Period of the motion
+--period | AMOUNT | Period of the motion
 --periods | whole number | Periods that are measured
 --plan | POSES | Choose so many poses to
 --plot | flag | Draw the figure
@@ -145,20 +144,20 @@ OPTIONS = r"""
 --pose | Y,Z,THETA | Pose of the platform
 --prefix | text | Prefix of all names and
 --prior | flag | The estimate will use
---ramp | number | (Time over which the motion|Ramps from and to rest)
+--ramp | AMOUNT | (Time over which the motion|Ramps from and to rest)
 --quiet | flag | Print warnings and errors only
---rate | number | (Sampling rate of the controller|Samples of the measurement)
+--rate | AMOUNT | (Sampling rate of the controller|Samples of the measurement)
 --reference | text | Reference configuration that selects the
---reflected-mass | number | Reflected mass of motor and
+--reflected-mass | AMOUNT | Reflected mass of motor and
 --report | FILE | Report to write,? on
---resolution | number | Resolution of the encoders
---rest | number | Time at rest after each
+--resolution | AMOUNT | Resolution of the encoders
+--rest | AMOUNT | Time at rest after each
 --resume | flag | Resume the work in the
 --rigid-rods | flag | Rigid legs and rods
 --rod-diameter | AMOUNT | Diameter of legs and rods
 --rows | whole number | Base samples of the Sobol'
 --samples | whole number | (N|Least n)umber of samples
---saturation | number / FORCE|file | Saturation of the actuator forces
+--saturation | AMOUNT / FORCE|file | Saturation of the actuator forces
 --scheduler | ADDRESS | Scheduler of a Dask cluster
 --screenshot | FILE | Picture to write
 --seed | whole number | Seed of the random numbers
@@ -167,7 +166,7 @@ OPTIONS = r"""
 --shape | choice | Shape the motion so
 --shapes | flag | Show the shapes of the
 --sigma | NAME=VALUE | Standard deviation of a parameter
---simulate | number | Simulate the robot from rest
+--simulate | AMOUNT | Simulate the robot from rest
 --size | WIDTH HEIGHT | Size of a picture or film
 --small | COLUMN | Column of designs to minimise
 --smooth | auto|HZ | Filter a measured or rounded
@@ -177,19 +176,19 @@ OPTIONS = r"""
 --srdf | FILE | SRDF file of a URDF
 --start | whole number | Row of the reference design
 --starts | whole number | Number of starts of slsqp
---step | number | Largest step of the RK4
+--step | AMOUNT | Largest step of the RK4
 --stiffness | FILE | Stiffness of joints and rods
 --still | flag | Show the reference configuration
 --stops | flag | Also compute emergency stops
 --store | FOLDER | Folder for intermediate
 --subject-to | NAME=VALUE | Constraint
 --surroundings | FILE | Payload, obstacles and sizes of parts
---target-error | number | Also compute how long
+--target-error | AMOUNT | Also compute how long
 --task | FILE | (Task file \(|Motion file whose forces)
 --task-out | FILE | Task file to write
 --threads | whole number | Number of threads
 --tilt | MOST|FROM,TO | Range of the rotation θ
---time-limit | number | Limit of the computing time
+--time-limit | AMOUNT | Limit of the computing time
 --title | text | Title of the report
 --tolerance | number | Largest allowed difference of the
 --top | whole number | Number of \w+ to list

@@ -219,6 +219,7 @@ SI = {
     (0, 1, 0, 0, 0): {"kg": 1, "g": constants.gram, "t": 1e3, "lb": constants.lb, "oz": constants.oz},
     (0, 0, 1, 0, 0): {"s": 1, "ms": 1e-3, "min": constants.minute},
     (0, 0, 0, 1, 0): {"rad": 1, "mrad": 1e-3, "deg": constants.degree, "°": constants.degree},
+    (0, 0, -1, 0, 0): {"Hz": 1, "kHz": 1e3},
     (0, 0, -1, 1, 0): {"rpm": 2 * np.pi / constants.minute},
     (1, 1, -2, 0, 0): {"N": 1, "mN": 1e-3, "kN": 1e3}
     | {"lbf": constants.lbf, "kgf": constants.kgf, "ozf": constants.lbf / 16},

@@ -17,11 +17,11 @@ from rich.console import Console
 from p3dof._base.checks import FloatArray, is_number, shown
 from p3dof._base.errors import InputError, ParameterError
 from p3dof._base.files import called, read_text, together, write_table
-from p3dof._base.quantities import ANGLE, LENGTH
+from p3dof._base.quantities import ANGLE, LENGTH, TIME
 from p3dof._base.time_series.joint_files import read_joints
 from p3dof._base.time_series.smoothing import Smooth
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
-from p3dof.cli.kinds import FIGURE, POSITIVE, SMOOTH, Amount, Number, as_one
+from p3dof.cli.kinds import FIGURE, POSITIVE, SECONDS, SMOOTH, Amount, as_one
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import METHOD, numbers_of, with_robot
 from p3dof.cli.measuring import (
@@ -159,11 +159,11 @@ asked_options = as_one(
     click.option(
         "--offsets/--no-offsets", default=False, help="Estimate constant offsets of the force sensors."
     ),
-    click.option("--period", type=POSITIVE, help="Period of the motion [s]; found by default."),
+    click.option("--period", type=SECONDS, help="Period of the motion [s]; found by default."),
     SMOOTH,
     click.option(
         "--force-delay",
-        type=Number(min=-1, max=1),
+        type=Amount(TIME, ends=(-1.0, 1.0)),
         help="Time by which forces are later than positions in the log [s]; found by default.",
     ),
     click.option(
@@ -380,7 +380,7 @@ def calibrate(
     protect([*inputs, data], [out, figure])
     parts = _combined(combined)
     widths = {name: _width(robot, name, value, parts) for name, value in sigmas}
-    away = np.zeros(3) if point is None else numbers_of("--point", point)
+    away = np.zeros(3) if point is None else numbers_of("--point", point, LENGTH)
     readings = {
         name: unit == "m" for name, (unit, _) in zip(robot.actuated, units_of_actuated(robot), strict=True)
     }

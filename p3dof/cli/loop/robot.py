@@ -183,8 +183,8 @@ EXTERNAL = click.option(
     "external",
     multiple=True,
     metavar="FRAME=FX,FY,FZ[,MX,MY,MZ]",
-    help="External wrench on a frame, at its origin in world axes [N, N m]; or FRAME=FILE over time (CSV: "
-    "t,fx,fy,fz,mx,my,mz).",
+    help="External wrench on a frame, at its origin in world axes [N, N m, or with units]; or FRAME=FILE "
+    "over time (CSV: t,fx,fy,fz,mx,my,mz).",
 )
 
 
@@ -276,7 +276,7 @@ def externals(texts: tuple[str, ...]) -> dict[str, FloatArray | WrenchHistory]:
             protect([path], ())
             found[name] = WrenchHistory.from_csv(path)
             continue
-        numbers = numbers_of(f"--external {name}", value)
+        numbers = numbers_of(f"--external {name}", value, FORCE, MOMENT)
         if len(numbers) not in (3, 6):
             raise InputError(f"--external {name}: expected three or six numbers, got {len(numbers)}")
         found[name] = np.array([*numbers, 0.0, 0.0, 0.0][:6])
@@ -289,10 +289,15 @@ def exceeded(found: Sequence[object]) -> list[str]:
     return [*(f"limit exceeded: {one}" for one in found[:8]), *more]
 
 
-def numbers_of(option: str, text: str) -> FloatArray:
-    """Return the numbers between commas."""
+def numbers_of(option: str, text: str, *kinds: Quantity) -> FloatArray:
+    """Return the numbers between commas, in SI units: three of each kind, or without units."""
+    parts: list[Any] = text.split(",")
     try:
-        found = np.array([float(part) for part in text.split(",")])
+        for i, kind in enumerate([kind for kind in kinds for _ in range(3)][: len(parts)]):
+            parts[i] = kind.read(parts[i].strip(), option)
+        found = np.array([float(part) for part in parts])
+    except ParameterError as error:
+        raise InputError(str(error)) from error
     except ValueError as error:
         raise InputError(f"{option}: expected numbers with commas, got {shown(text)}") from error
     if not np.isfinite(found).all():

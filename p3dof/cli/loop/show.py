@@ -14,7 +14,7 @@ from p3dof._base.files import SUFFIXES, suffix_of
 from p3dof._base.time_series.wrenches import WrenchHistory
 from p3dof.cli.files import InputFile, OutputFile, protect
 from p3dof.cli.files import source as opened
-from p3dof.cli.kinds import POSITIVE, Whole
+from p3dof.cli.kinds import SECONDS, Whole
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import (
     AT,
@@ -53,7 +53,7 @@ _RUN_SAMPLES = 1001
 @click.option(
     "--simulate",
     "duration",
-    type=POSITIVE,
+    type=SECONDS,
     help="Simulate the robot from rest for so long [s], as 'loop simulate' does, and play it.",
 )
 @force_option("With --simulate: ")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import click
 import numpy as np
@@ -13,11 +13,12 @@ from click.core import ParameterSource
 
 from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
+from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, ROTATION, SPEED
 from p3dof._base.tables import Table, formatted, number
 from p3dof.cli.app import FAILED
-from p3dof.cli.control import ACTUATION, DAMPING, FREQUENCY, RATE, Feedback, time_limit
+from p3dof.cli.control import DAMPING, FREQUENCY, RATE, Feedback, actuation, time_limit
 from p3dof.cli.files import InputFile, console_beside, protect, save_figure_if_possible, source, write_results
-from p3dof.cli.kinds import FIGURE, POSITIVE, Whole, as_one, table_out
+from p3dof.cli.kinds import FIGURE, SECONDS, Amount, Whole, as_one, require_unit, table_out
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import (
     AT,
@@ -33,7 +34,7 @@ from p3dof.cli.loop.robot import (
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel, CompiledLoop
 from p3dof.loops.compiled.kept import ROBOT_METHODS
-from p3dof.loops.tables import joint_values
+from p3dof.loops.tables import joint_values, units_of_actuated
 from p3dof.runs import (
     ROBOT_KINDS,
     ControlLoop,
@@ -60,15 +61,6 @@ _WORDS = {
     "allow it by time_limit": "allow it by --time-limit",
 }
 """What arguments of Python are here."""
-
-
-class _Saturation(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A largest force, or the word ``file``."""
-
-    name = "FORCE|file"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return True if value in ("file", True) else POSITIVE.convert(value, param, ctx)
 
 
 _OPTIONS_OF_CONTROL = (
@@ -101,12 +93,12 @@ _OPTIONS_OF_CONTROL = (
     RATE,
     click.option(
         "--saturation",
-        type=_Saturation(),
+        type=Amount(FORCE, MOMENT, words={"file": True}),
         metavar="FORCE|file",
         help="Saturation of the actuator forces [N or N m], or 'file' for the effort limits in the file of "
         "the robot; by default unlimited.",
     ),
-    ACTUATION,
+    actuation((LENGTH, ANGLE), (SPEED, ROTATION)),
 )
 
 
@@ -131,6 +123,15 @@ class Control(Feedback):
             for option in (*told, *self.measuring):
                 raise InputError(f"{option}: needs a --controller")
         return self.loop(self.controller != NONE)
+
+    def require_units(self, robot: ClosedLoopModel) -> None:
+        """Raise where a number has a unit that the actuated joints have not."""
+        positions, forces = zip(*units_of_actuated(robot), strict=True) if robot.actuated else ((), ())
+        require_unit("--saturation", self.saturation, forces)
+        require_unit("--resolution", self.resolution, positions)
+        if self.noise is not None:
+            require_unit("--noise", self.noise[0], positions)
+            require_unit("--noise", self.noise[1], [f"{unit}/s" for unit in positions])
 
     def reference(self, robot: ClosedLoopModel) -> JointReference | None:
         """Return the motion to follow."""
@@ -175,7 +176,7 @@ class Control(Feedback):
     help="At a joint limit in the file of the robot: end the simulation, or ignore it.",
 )
 @click.option(
-    "--duration", type=POSITIVE, help="Duration of the simulation [s]; by default that of the motion, or 1."
+    "--duration", type=SECONDS, help="Duration of the simulation [s]; by default that of the motion, or 1."
 )
 @click.option("--samples", type=Whole(2, 1_000_000), default=1001, help="Number of samples to keep.")
 @time_limit("the simulation")
@@ -213,6 +214,7 @@ def simulate(
         raise click.UsageError("--multipliers needs --out")
     if forces and control.controller != NONE:
         raise click.UsageError("--actuator-force and --controller exclude each other")
+    control.require_units(robot)
     loads, wanted = externals(external), control.reference(robot)
     q, v = _start(robot, values, wanted)
     compile_ = None if method is None else ROBOT_METHODS[method]
