@@ -153,6 +153,9 @@ class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic
 
     name = "NAME=VALUE"
 
+    def __init__(self, example: str = "R=0.1 mm") -> None:
+        self._example = example
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, Any]:
@@ -161,7 +164,7 @@ class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic
             return value
         name, equals, text = str(value).partition("=")
         if not equals or not name.strip() or not text.strip():
-            self.fail(f"expected NAME=VALUE such as 'R=0.1 mm', got {value!r}", param, ctx)
+            self.fail(f"expected NAME=VALUE such as '{self._example}', got {value!r}", param, ctx)
         try:
             number = yaml.safe_load(text) if text.strip()[0] in "[{" else text.strip()
         except yaml.YAMLError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from p3dof._base.errors import InputError
 from p3dof._base.tables import Table
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect, save_figure
-from p3dof.cli.kinds import FIGURE, Whole
+from p3dof.cli.kinds import FIGURE, Named, Whole
 from p3dof.cli.output import give, in_options, print_warnings, print_written, progress_bar, show
 from p3dof.design.optimisation import DesignProblem, Optimum, front_tables, optimum_tables, read_problem
 from p3dof.design.optimisation.evolution import GENERATIONS
@@ -44,32 +43,11 @@ _ANY_SIZE = click.option(
 )
 
 
-class Bound(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A measure and the worst value that it may have, ``NAME=VALUE``."""
-
-    name = "NAME=VALUE"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[str, float]:
-        """Return the name and the value."""
-        if isinstance(value, tuple):
-            return value
-        name, _, text = str(value).partition("=")
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not name.strip() or not math.isfinite(number):
-            self.fail(f"expected NAME=VALUE such as width=0.5, in SI units, got {value!r}", param, ctx)
-        return name.strip(), number
-
-
 _BOUNDS = click.option(
     "--subject-to",
-    type=Bound(),
+    type=Named("width=500 mm"),
     multiple=True,
-    help="Constraint: worst value allowed of a measure, 'width=0.5' [SI units]; repeatable.",
+    help="Constraint: worst value allowed of a measure, 'width=500 mm'; repeatable.",
 )
 
 
@@ -104,7 +82,7 @@ _BOUNDS = click.option(
 def optimise(
     problem: Path,
     objective: str | None,
-    subject_to: tuple[tuple[str, float], ...],
+    subject_to: tuple[tuple[str, Any], ...],
     method: Any,
     starts: int,
     generations: int,
@@ -180,7 +158,7 @@ def optimise(
 @_ANY_SIZE
 def pareto(
     problem: Path,
-    subject_to: tuple[tuple[str, float], ...],
+    subject_to: tuple[tuple[str, Any], ...],
     method: Any,
     points: int,
     population: int,
@@ -220,7 +198,7 @@ def pareto(
     return 0
 
 
-def _bounded(problem: DesignProblem, bounds: dict[str, float]) -> DesignProblem:
+def _bounded(problem: DesignProblem, bounds: dict[str, Any]) -> DesignProblem:
     from p3dof.design.optimisation.minimising import bounds_of
 
     return problem.asking(None, bounds_of(problem, bounds))

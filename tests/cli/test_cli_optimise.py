@@ -19,6 +19,7 @@ import p3dof
 from p3dof._base.errors import P3dofError
 from p3dof.cli import main
 from p3dof.design.optimisation import MEASURES, DesignProblem, ProblemSweep, read_problem
+from p3dof.design.optimisation.minimising import bounds_of
 from p3dof.design.optimisation.problem import FIELDS, OF_SWEEPS
 
 REFERENCE = ROOT / "docs/reference"
@@ -139,9 +140,58 @@ def test_no_machine_is_exit_code_one_and_a_line(file: Path, capsys: pytest.Captu
     assert "one must be relaxed, width ≤ 0.2 m by 0.1 m or the bound R ≥ 0.15 m by 0.05 m at least" in told
     assert told.count("\n") == 1
     assert not Path("better.yaml").exists()
-    for bad in ("width", "width=wide", "=3"):
+    for bad in ("width", "=3", "width="):
         assert main(["optimise", file.name, "--subject-to", bad]) == 2
-        assert "expected NAME=VALUE such as width=0.5" in capsys.readouterr().err
+        assert "expected NAME=VALUE such as 'width=500 mm', got " in capsys.readouterr().err
+
+
+LENGTHS = "--subject-to: width: expected a length, a number in m or one with a unit such as '1 mm', "
+
+
+@pytest.mark.parametrize("command", ["optimise", "pareto"])
+@pytest.mark.parametrize(
+    ("bound", "words"),
+    [
+        ("width=wide", LENGTHS + "got 'wide'"),
+        ("width=5 kg", LENGTHS + "got '5 kg'"),
+        ("width=0,5", LENGTHS + "got '0,5'; with a decimal point it is 0.5"),
+        ("width=nan", "width: expected a finite number"),
+        ("peak_power=1 N", "expected a power, a number in W or one with a unit such as '1 kW'"),
+        ("room=1 l", "room: expected a number in m³, got '1 l'"),
+        ("transmission=5 %", "transmission: expected a number without a unit, got '5 %'"),
+        ("widths=0.5", "unknown measure 'widths'; did you mean 'width'"),
+    ],
+)
+def test_a_bound_in_another_unit_is_one_line(
+    file: Path, capsys: pytest.CaptureFixture[str], command: str, bound: str, words: str
+) -> None:
+    assert main([command, file.name, "--subject-to", bound]) == 2
+    told = capsys.readouterr().err
+    assert words in told
+    assert told.count("\n") == 1
+
+
+def test_a_bound_has_a_unit_of_its_measure(file: Path) -> None:
+    """Each unit by hand: powers, times, frequencies and stresses too; what has no other unit, in its own."""
+    problem = read_problem(file)
+    for name, text, value in (
+        ("width", "500 mm", 0.5),
+        ("width", "0.5", 0.5),
+        ("peak_power", "0.3 kW", 300.0),
+        ("fastest_time", "800ms", 0.8),
+        ("lowest_frequency", "0.02 kHz", 20.0),
+        ("rms_torque", "1200 N mm", 1.2),
+        ("rod_stress", "90 MPa", 90e6),
+        ("energy", "0.01 kJ", 10.0),
+        ("moving_mass", "4500 g", 4.5),
+        ("life", "20000 h", 20000.0),
+        ("room", "0.2 m³", 0.2),
+        ("transmission", "0.3", 0.3),
+    ):
+        (found,) = bounds_of(problem, {name: text})
+        assert found.bound == pytest.approx(value, rel=1e-15), name
+        (plain,) = bounds_of(problem, {name: value})
+        assert (plain.measure, plain.at_least) == (found.measure, found.at_least)
 
 
 def test_pareto_tells_the_front_and_goes_on(file: Path, capsys: pytest.CaptureFixture[str]) -> None:

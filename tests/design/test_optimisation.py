@@ -238,7 +238,7 @@ def test_what_is_no_relation_is_refused(text: str) -> None:
         ({"objectives": []}, "one measure or more"),
         ({"constraints": {"width": {"most": 1}}}, "expected {'min'"),
         ({"constraints": {"width": {"max": "wide"}}}, "expected a length"),
-        ({"constraints": {"rms_power": {"max": "much"}}}, "real numbers, got 'much'"),
+        ({"constraints": {"rms_power": {"max": "much"}}}, "max: expected a power, a number in W"),
         ({"constraints": {"singularity": {"min": 0.2}}}, "need a box"),
         ({"constraints": {"rod_frequency": {"min": 100}}}, "bodies='solids'"),
         ({"fixed": {"R": 0.25}}, "is a variable, too"),

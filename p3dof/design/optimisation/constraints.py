@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from p3dof._base.checks import FloatArray, Readable, meant, real, shown
+from p3dof._base import quantities as of
+from p3dof._base.checks import FloatArray, Readable, is_number, meant, real, shown, with_point
 from p3dof._base.errors import InputError, P3dofError
-from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MASS, SPEED
 from p3dof.analysis.designs.columns import QUANTITIES, full_name
 from p3dof.design.optimisation.expressions import Node, read_comparison
 from p3dof.design.optimisation.measures import MEASURES, measure_of
@@ -250,7 +250,7 @@ def _name_of(name: str) -> str:
 
 
 def _unit_of(name: str) -> str:
-    return LENGTH.unit if name == LEAD else QUANTITIES[name].unit
+    return of.LENGTH.unit if name == LEAD else QUANTITIES[name].unit
 
 
 def constraints_of(given: Mapping[str, Any] | Sequence[Any] | str) -> tuple[Constraint, ...]:
@@ -283,7 +283,7 @@ def _bounds(name: str, bounds: Any) -> list[Constraint]:
     found = []
     for side, value in bounds.items():
         where = f"constraints: {name}: {side}"
-        found.append(Constraint(measure, real(where, _in_si(measure, value, where)), at_least=side == "min"))
+        found.append(Constraint(measure, real(where, in_si(measure, value, where)), at_least=side == "min"))
     least = max((one.bound for one in found if one.at_least), default=-np.inf)
     most = min((one.bound for one in found if not one.at_least), default=np.inf)
     if least > most:
@@ -294,13 +294,31 @@ def _bounds(name: str, bounds: Any) -> list[Constraint]:
     return found
 
 
-_QUANTITIES = {item.unit: item for item in (LENGTH, ANGLE, FORCE, MASS, SPEED)}
+_KINDS = (
+    of.LENGTH,
+    of.ANGLE,
+    of.SPEED,
+    of.TIME,
+    of.FREQUENCY,
+    of.MASS,
+    of.FORCE,
+    of.MOMENT,
+    of.POWER,
+    of.ENERGY,
+)
+_QUANTITIES = {kind.unit: kind for kind in (*_KINDS, of.ENERGY, of.PRESSURE)}
 
 
-def _in_si(measure: Measure, value: Any, where: str) -> Any:
-    """Return a bound in SI units, of a text with a unit too."""
-    if not isinstance(value, str) or measure.unit not in _QUANTITIES:
+def in_si(measure: Measure, value: Any, where: str) -> Any:
+    """Return a bound in the unit of a measure, of a text with a unit too."""
+    if not isinstance(value, str):
         return value
+    if measure.unit not in _QUANTITIES:
+        bare = value.removesuffix(measure.unit).strip()
+        if not is_number(bare):
+            told = f"a number in {measure.unit}" if measure.unit else "a number without a unit"
+            raise InputError(f"{where}: expected {told}, got {shown(value)}{with_point(value)}")
+        return float(bare)
     try:
         return _QUANTITIES[measure.unit].read(value, where)
     except P3dofError as error:

@@ -18,7 +18,7 @@ import numpy as np
 
 from p3dof._base.checks import FloatArray, Progress, real, shown
 from p3dof._base.errors import InputError, OptimisationError
-from p3dof.design.optimisation.constraints import Constraint, amount
+from p3dof.design.optimisation.constraints import Constraint, amount, in_si
 from p3dof.design.optimisation.epigraph import Local, descend
 from p3dof.design.optimisation.evaluated import TOLERANCE
 from p3dof.design.optimisation.evolution import Journal, evolve
@@ -34,20 +34,21 @@ Optimiser: TypeAlias = Literal["slsqp", "evolution"]  # how to look for an optim
 STARTS = 8  # designs that the local optimiser begins with
 
 
-def asking(problem: Statement, objective: Any, subject_to: Mapping[str, float] | None) -> Statement:
+def asking(problem: Statement, objective: Any, subject_to: Mapping[str, float | str] | None) -> Statement:
     """Return a problem for one objective, with further bounds on measures."""
     return problem.asking(
         problem.objectives[0] if objective is None else objective, bounds_of(problem, subject_to)
     )
 
 
-def bounds_of(problem: Statement, worst: Mapping[str, float] | None) -> list[Constraint]:
+def bounds_of(problem: Statement, worst: Mapping[str, float | str] | None) -> list[Constraint]:
     """Return constraints from the worst values that measures may have; errors as of `asking`."""
     bounds = []
     own = {measure.name: measure for measure in problem.objectives}
     for name, value in (worst or {}).items():
         measure = own[name] if name in own else measure_of(name, "subject_to")
-        bound = real(f"subject_to: {name}", value)
+        where = f"subject_to: {name}"
+        bound = real(where, in_si(measure, value, where))
         bounds.append(Constraint(measure, bound, at_least=measure.better == "large"))
     return bounds
 

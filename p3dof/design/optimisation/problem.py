@@ -202,7 +202,7 @@ class DesignProblem(Statement):
     def minimise(
         self,
         objective: str | Measure | None = None,
-        subject_to: Mapping[str, float] | None = None,
+        subject_to: Mapping[str, float | str] | None = None,
         *,
         method: Optimiser = "slsqp",
         starts: int = STARTS,
@@ -219,8 +219,8 @@ class DesignProblem(Statement):
         ----------
         objective : str or Measure, optional
             What to make small, or large where large is good; the first objective by default.
-        subject_to : mapping of str to float, optional
-            The worst value that further measures may have, such as ``{"width": 0.5}`` [SI units].
+        subject_to : mapping of str to float or str, optional
+            The worst value that further measures may have, such as ``{"width": 0.5}`` or ``"500 mm"``.
         method : {"slsqp", "evolution"}
             Local optima from several starts by SLSQP with exact gradients, in epigraph form; or differential
             evolution, which needs no gradients.
