@@ -10,7 +10,8 @@ from rich.console import Console
 from p3dof._base.files import together
 from p3dof._base.tables import Table, formatted, number, table_of
 from p3dof.cli.app import app
-from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
+from p3dof.cli.files import Generated, OutputFolder, file_name, print_check, protect
+from p3dof.cli.kinds import OF_CODE
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, actuator_options, machine_of, payload_text, say_payloads
 from p3dof.cli.output import print_plain, print_written, show
 from p3dof.closed_form.compiled.formulas import NAMES, kernel
@@ -43,10 +44,7 @@ from p3dof.machine.parameters import Body, Parameters
 @click.option(
     "--page", "page", is_flag=True, help="For developers: the WebAssembly of the page, in its place."
 )
-@CPU
-@WASM
-@CHECK
-@FORCE
+@OF_CODE
 def codegen(
     parameters: Path | None,
     payload: Body | None,

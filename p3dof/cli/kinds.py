@@ -16,7 +16,8 @@ import yaml
 from p3dof._base.checks import LARGEST, SMALLEST, is_number, shown, with_point
 from p3dof._base.errors import InputError, ParameterError
 from p3dof._base.quantities import FREQUENCY, TIME, Quantity
-from p3dof.cli.files import OutputFile
+from p3dof.cli.files import CHECK, CPU, FORCE, WASM, OutputFile
+from p3dof.cli.output import in_options
 
 
 def options(*each: Callable[..., Any]) -> Callable[..., Any]:
@@ -183,11 +184,32 @@ FIGURE = click.option(
     "--figure", type=OutputFile("figure"), help="Figure to draw (.png, .svg or .pdf; needs the extra 'plot')."
 )
 
+_OF_CODE = {f"{name}: ": f"--{name}: " for name in ("cpu", "prefix", "functions", "external", "float")} | {
+    "inertias: ": "--inertia: ",
+    "actuators: expected coordinates,": "--actuators: expected --coordinates,",
+    "estimator: expected one inertia": "--payload-estimator: expected one --inertia",
+}
+OF_CODE = options(CPU, WASM, CHECK, FORCE, in_options(_OF_CODE))
+"""What commands that write C share; arguments of Python are options in their errors."""
+
 DURATION = click.option(
     "--duration",
     type=SECONDS,
     help="Duration of the whole task, dwells included [s]; not needed if every stop has one in the file.",
 )
+
+
+def named_option(option: str, name: str, words: str, example: str = "R=0.1 mm") -> Callable[..., Any]:
+    """Return the repeatable option for what is said of parameters, of each once."""
+
+    def once(ctx: click.Context, param: click.Parameter, value: tuple[tuple[str, Any], ...]) -> Any:
+        names = [each for each, _ in value]
+        for each in set(names):
+            if names.count(each) > 1:
+                raise click.BadParameter(f"expected each name once, got {each} twice", ctx, param)
+        return value
+
+    return click.option(option, name, type=Named(example), multiple=True, callback=once, help=words)
 
 
 def table_out(what: str) -> Callable[..., Any]:

@@ -33,9 +33,9 @@ from p3dof.cli.kinds import (
     HERTZ,
     SECONDS,
     Amount,
-    Named,
     Whole,
     as_one,
+    named_option,
     options,
     require_unit,
     table_out,
@@ -118,9 +118,8 @@ MEASURING = options(
         "--angle-accuracy", type=Amount(ANGLE), default="0.1 mrad", show_default=True,
         help="Standard deviation of a measured angle.",
     ),
-    click.option(
-        "--sigma", "sigmas", type=Named(), multiple=True,
-        help="Standard deviation of a parameter about the design, 'L=50 um'; repeatable.",
+    named_option(
+        "--sigma", "sigmas", "Standard deviation of a parameter about the design, 'L=50 um'; repeatable."
     ),
     click.option(
         "--hold-out", type=Whole(2, 1000), metavar="N",

@@ -15,7 +15,7 @@ from p3dof._base.errors import InputError
 from p3dof._base.tables import Table
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, OutputFolder, protect, save_figure
-from p3dof.cli.kinds import FIGURE, Named, Whole
+from p3dof.cli.kinds import FIGURE, Whole, named_option
 from p3dof.cli.output import give, in_options, print_warnings, print_written, progress_bar, show
 from p3dof.design.optimisation import DesignProblem, Optimum, front_tables, optimum_tables, read_problem
 from p3dof.design.optimisation.evolution import GENERATIONS
@@ -43,11 +43,11 @@ _ANY_SIZE = click.option(
 )
 
 
-_BOUNDS = click.option(
+_BOUNDS = named_option(
     "--subject-to",
-    type=Named("width=500 mm"),
-    multiple=True,
-    help="Constraint: worst value allowed of a measure, 'width=500 mm'; repeatable.",
+    "subject_to",
+    "Constraint: worst value allowed of a measure, 'width=500 mm'; repeatable.",
+    "width=500 mm",
 )
 
 

@@ -20,7 +20,7 @@ from p3dof.analysis.tolerances.tolerance import plain_of
 from p3dof.cli.app import app
 from p3dof.cli.case import Case, with_load
 from p3dof.cli.files import InputFile, OutputFolder, protect, save_figure, source
-from p3dof.cli.kinds import FIGURE, POSITIVE, Named, Whole, options
+from p3dof.cli.kinds import FIGURE, POSITIVE, Whole, named_option, options
 from p3dof.cli.machine import Pose, say_payloads
 from p3dof.cli.output import give, in_options, print_written, progress_bar, show
 
@@ -29,7 +29,9 @@ _WORDS = {
     "resume: expected a folder": "--resume: expected --out, the folder",
     "bodies='solids'": "--solids",
     "on_missing='drop'": "--drop-missing",
-    "sigma of": "--sigma",
+    "fixed: ": "--fix: ",
+    "figure: expected": "--of: expected",
+    "designs: unknown": "--fix: unknown",
     "samples:": "--machines:",
 }
 """What arguments of Python are here."""
@@ -37,12 +39,10 @@ _WORDS = {
 
 _work = options(
     click.option("--solids", is_flag=True, help="Compute all bodies from the solids of each design."),
-    click.option(
+    named_option(
         "--fix",
         "fixed",
-        type=Named(),
-        multiple=True,
-        help="Fixed value that differs from the machine, such as a size of its solids: 'rod_radius=3 mm'.",
+        "Fixed value that differs from the machine, such as a size of its solids: 'rod_radius=3 mm'.",
     ),
     click.option("--seed", type=Whole(0, 2**63), default=0, help="Seed of the random numbers."),
     click.option("--workers", type=Whole(1, 4096), help="Number of worker processes; by default none."),
@@ -56,10 +56,9 @@ _work = options(
 @app.command()
 @click.argument("file", type=InputFile(), required=False, metavar="[FILE]")
 @with_load
-@click.option(
-    "--sigma", "sigmas", type=Named(), multiple=True,
-    help="Standard deviation of a parameter, 'R=0.1 mm' or 'platform.mass=2 %'; repeatable.",
-)  # fmt: skip
+@named_option(
+    "--sigma", "sigmas", "Standard deviation of a parameter, 'R=0.1 mm' or 'platform.mass=2 %'; repeatable."
+)
 @click.option(
     "--pose", "poses", type=Pose(), multiple=True,
     help="Pose of the platform, '0.1,0,-30 deg', for its static error instead of forces; repeatable.",
@@ -109,7 +108,9 @@ def tolerance(
     asked: dict[str, Any] = {"sigma": sigma, "worst": worst, "spread": spread}
     asked |= {"samples": machines, "method": "montecarlo"} if machines else {}
     asked |= {"pose": list(poses)} if poses else {"motion": case.motion, "wrench": case.wrench}
-    with _prepared("machines", machines, work) as own:
+    place = "--sigma" if sigmas or file is None else f"{file}: sigma"
+    words = {"sigma of": place, "sigma: ": f"{place}: "}
+    with _prepared("machines", machines, work, words) as own:
         if poses:
             del own["bodies"], own["fixed"]
         found = tolerance_of(case.robot, **asked, **own)
@@ -119,9 +120,10 @@ def tolerance(
 @app.command()
 @click.argument("file", type=InputFile(), required=False, metavar="[FILE]")
 @with_load
-@click.option(
-    "--vary", "variables", type=Named(), multiple=True,
-    help="Parameter range, 'R=10 %', 'L=[38 mm, 42 mm]' or 'leg.mass={normal: [1 kg, 20 g]}'; repeatable.",
+@named_option(
+    "--vary", "variables",
+    "Parameter range, 'R=10 %', 'L=[38 mm, 42 mm]' or 'leg.mass={normal: [1 kg, 20 g]}'; repeatable.",
+    "R=10 %",
 )  # fmt: skip
 @click.option(
     "--of",
@@ -165,7 +167,8 @@ def sensitivity(
     if local and (work["out"] is not None or work["workers"] is not None or work["resume"]):
         raise click.UsageError("--out, --resume and --workers do not belong to --local, which takes no time")
     method: Any = "gradient" if local else "sobol"
-    with _prepared("machines", None if local else rows * (len(given) + 2), work) as own:
+    words = {"variables: ": "--vary: " if variables or file is None else f"{file}: variables: "}
+    with _prepared("machines", None if local else rows * (len(given) + 2), work, words) as own:
         found = sensitivity_of(
             case.robot,
             case.motion,
@@ -181,9 +184,11 @@ def sensitivity(
 
 
 @contextmanager
-def _prepared(what: str, total: int | None, work: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _prepared(
+    what: str, total: int | None, work: dict[str, Any], words: dict[str, str]
+) -> Iterator[dict[str, Any]]:
     """Give the arguments of Python for long work, with workers and a progress bar."""
-    with in_options(_WORDS), ExitStack() as stack:
+    with in_options({**_WORDS, **words}), ExitStack() as stack:
         progress: Progress | None = None
         if total:
             progress = stack.enter_context(progress_bar(what, total))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -130,7 +131,7 @@ def test_machines_that_cannot_move_are_told(capsys):
         (("tolerance",), "sigma: expected numbers by names"),
         (("tolerance", "--sigma", "R"), "expected NAME=VALUE such as 'R=0.1 mm', got 'R'"),
         (("tolerance", "--sigma", "R=1 kg"), "--sigma geometry.R: expected a length"),
-        (("tolerance", "--sigma", "width=1 mm"), "sigma: unknown column 'width'"),
+        (("tolerance", "--sigma", "width=1 mm"), "error: --sigma: unknown column 'width'"),
         (("tolerance", "--sigma", "rod_radius=1 mm"), "sizes need bodies of solids: --solids"),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "1,2"), "expected y,z,theta such as"),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "1 kg,2,3"), "expected y,z,theta such as"),
@@ -142,11 +143,31 @@ def test_machines_that_cannot_move_are_told(capsys):
         (("tolerance", "--sigma", "R=1 mm", "--resume"), "belong to --machines"),
         (("tolerance", "--sigma", "R=1 mm", "--machines", "9", "--resume"), "--resume: expected --out"),
         (("tolerance", "none.yaml"), "none.yaml"),
+        (
+            ("tolerance", "--sigma", "R=1 mm", "--sigma", "R=2 mm"),
+            "'--sigma': expected each name once, got R twice",
+        ),
+        (
+            ("sensitivity", "--vary", "R=1 %", "--vary", "R=2 %"),
+            "'--vary': expected each name once, got R twice",
+        ),
+        (("sensitivity", "--vary", "R"), "expected NAME=VALUE such as 'R=10 %', got 'R'"),
+        (("sensitivity", "--vary", "Q=1 %"), "error: --vary: unknown column 'Q'"),
+        (("tolerance", "--sigma", "R=0,1 mm"), "error: --sigma geometry.R: expected a length"),
+        (("tolerance", "--sigma", "R=nan"), "error: --sigma geometry.R: expected a finite number, got nan"),
+        (("tolerance", "--sigma", "R=1 mm", "--fix", "Q=1"), "error: --fix: unknown column 'Q'"),
+        (
+            ("tolerance", "--sigma", "R=1 mm", "--fix", "L=1 kg"),
+            "error: --fix: geometry.L: expected a length",
+        ),
         (("sensitivity", "--vary", "R=[1, "), "expected a number, a share or a range"),
-        (("sensitivity", "--vary", "R=[0.3, 0.2]"), "variables: geometry.R: low, high: expected low < high"),
+        (
+            ("sensitivity", "--vary", "R=[0.3, 0.2]"),
+            "error: --vary: geometry.R: low, high: expected low < high",
+        ),
         (("sensitivity", "--vary", "R={round: [1, 2]}"), "expected one of uniform, normal, log-uniform"),
         (("sensitivity", "--vary", "R=[1, 2, 3]"), "expected two numbers"),
-        (("sensitivity", "--vary", "R=1 %", "--of", "beauty"), "figure: expected one of reach"),
+        (("sensitivity", "--vary", "R=1 %", "--of", "beauty"), "error: --of: expected one of reach"),
         (("sensitivity", "--vary", "R=1 %", "--local", "--workers", "2"), "do not belong to --local"),
     ],
 )
@@ -157,6 +178,20 @@ def test_bad_input_is_one_line(arguments, told, capsys):
     assert captured.err.startswith("p3dof: error: ")
     assert captured.err.count("\n") == 1
     assert told in captured.err
+
+
+def test_a_slip_in_the_file_is_of_the_file(tmp_path, monkeypatch, capsys):
+    """Not of the option that was not given."""
+    monkeypatch.chdir(tmp_path)
+    Path("u.yaml").write_text("sigma: {Q: 1 mm}\nvariables: {R: foo}\n", encoding="utf-8")
+    Path("v.yaml").write_text("sigma: {R: foo}\n", encoding="utf-8")
+    for line, words in (
+        ("tolerance u.yaml", "p3dof: error: u.yaml: sigma: unknown column 'Q'"),
+        ("tolerance v.yaml", "p3dof: error: v.yaml: sigma geometry.R: expected a length"),
+        ("sensitivity u.yaml", "p3dof: error: u.yaml: variables: geometry.R: expected a length"),
+    ):
+        assert main(line.split()) == 2
+        assert capsys.readouterr().err.startswith(words)
 
 
 @pytest.mark.parametrize(

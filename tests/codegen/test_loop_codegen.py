@@ -513,20 +513,27 @@ def test_on_the_command_line(capsys, tmp_path):
     assert (status, error.count("\n")) == (2, 1)
     assert (out / "README.md").read_text(encoding="utf-8") == "mine"
     for wrong, words in (
-        (["--functions", "x"], "functions: expected some of"),
-        (["--prefix", "a b"], "prefix: expected"),
-        (["--external", "x"], "external"),
-        (["--inertia", "x"], "inertia"),
+        (["--functions", "x"], "error: --functions: expected some of"),
+        (["--prefix", "a b"], "error: --prefix: expected"),
+        (
+            ["--cpu", "a b"],
+            "error: --cpu: expected a processor as compilers call it, such as haswell, got 'a b'",
+        ),
+        (["--external", "x"], "error: --external: the frame 'x' does not exist"),
+        (["--inertia", "x"], "error: --inertia: the joint 'x' does not exist"),
         (["--coordinates", "x"], "the joint 'x' does not exist"),
         (["--coordinates", "rocker_joint,"], "the joint '' does not exist"),
-        (["--actuators", "crank_joint"], "actuators: expected coordinates, too"),
-        (["--float"], "single precision is for --coordinates alone"),
+        (["--actuators", "crank_joint"], "error: --actuators: expected --coordinates, too"),
+        (["--float"], "error: --float: single precision is for --coordinates alone"),
         (["--float", "--coordinates", "rocker_joint", "--observer"], "single precision is for --coordinates"),
         (
             ["--float", "--coordinates", "rocker_joint", "--payload-estimator"],
             "single precision is for --coordinates",
         ),
-        (["--payload-estimator"], "expected one inertia, of the body that is estimated, got 0"),
+        (
+            ["--payload-estimator"],
+            "error: --payload-estimator: expected one --inertia, of the body that is estimated, got 0",
+        ),
         (
             ["--float", "--coordinates", "rocker_joint", "--functions", "step"],
             "single precision is for --coordinates alone",

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from p3dof._base.errors import InputError
 from p3dof._base.tables import formatted, table_of
-from p3dof.cli.files import CHECK, CPU, FORCE, WASM, Generated, OutputFolder, file_name, print_check, protect
+from p3dof.cli.files import Generated, OutputFolder, file_name, print_check, protect
+from p3dof.cli.kinds import OF_CODE
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import with_robot
 from p3dof.cli.output import print_plain, print_written, show
@@ -57,10 +58,7 @@ from p3dof.loops import ClosedLoopModel
     help="An estimator of the inertial parameters of the body of --inertia.",
 )
 @click.option("--float", "single", is_flag=True, help="Single precision, of --coordinates.")
-@CPU
-@WASM
-@CHECK
-@FORCE
+@OF_CODE
 def codegen(
     robot: ClosedLoopModel,
     inputs: list[Path],

@@ -476,7 +476,10 @@ def _width(robot: ClosedLoopModel, name: str, value: Any, combined: dict[str, di
     angle = kind in ("roll", "pitch", "yaw")
     if kind == OFFSET:
         units = dict(zip(robot.actuated, units_of_actuated(robot), strict=True))
-        angle = any(unit == "rad" for each, (unit, _) in units.items() if fnmatchcase(each, joint))
+        meant = [unit for each, (unit, _) in units.items() if fnmatchcase(each, joint)]
+        if not meant:
+            return 1.0  # of a name that is refused when all are known
+        angle = "rad" in meant
     try:
         return float((ANGLE if angle else LENGTH).read(str(value), f"--sigma {name}"))
     except ParameterError as error:

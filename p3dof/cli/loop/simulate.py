@@ -54,6 +54,7 @@ NONE, PD, COMPUTED_TORQUE = "none", "pd", "computed-torque"
 _LIMITS = {"stop": ROBOT_KINDS, "ignore": tuple(kind for kind in ROBOT_KINDS if kind != "joint limit")}
 
 _WORDS = {
+    "external: ": "--external: ",
     "q: the run would start": "the run would start",
     "(see stop_at)": "(see --limits)",
     "a longer max_step, ": "",
