@@ -101,7 +101,7 @@ def require_unit(option: str, number: object, units: Iterable[str]) -> None:
 
 
 class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
-    """A number with a unit, or in SI units: a positive one, zero too if it is said, or one within ends.
+    """A number with a unit, or in SI units: a positive one, zero too if it is said, or within ends, if any.
 
     Of several kinds, whichever its unit is of, which a `Given` has. Words may stand for other values.
     """
@@ -112,7 +112,7 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
         self,
         *kinds: Quantity,
         zero: bool = False,
-        ends: tuple[float, float] | None = None,
+        ends: tuple[float, ...] | None = None,
         words: dict[str, Any] | None = None,
     ) -> None:
         self._kinds, self._zero, self._ends, self._words = kinds, zero, ends, words or {}
@@ -133,10 +133,10 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
             self.fail(f"{rule}, got {shown(value)}{with_point(value)}", param, ctx)
         rule = f"expected {'zero or ' * self._zero}a positive number"
         good = SMALLEST <= number <= LARGEST or (number == 0 and self._zero)
-        if self._ends is not None:
+        if self._ends:
             low, high = self._ends
             rule, good = f"expected {kind.name} from {low:g} to {high:g} {kind.unit}", low <= number <= high
-        if not good:
+        if not good and self._ends != ():
             self.fail(f"{rule}, got {number:g}", param, ctx)
         if len(self._kinds) > 1 and isinstance(value, str) and not is_number(value):
             number = Given(number)
@@ -146,7 +146,7 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
 
 SECONDS, HERTZ = Amount(TIME), Amount(FREQUENCY)
 FROM_ZERO = Amount(TIME, zero=True)
-MOMENT_OF_MOTION = Amount(TIME, ends=(-LARGEST, LARGEST))
+MOMENT_OF_MOTION = Amount(TIME, ends=())
 
 
 class Named(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic in newer versions only
