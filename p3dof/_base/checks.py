@@ -106,11 +106,32 @@ _PLAIN_WORDS = {
 
 
 # Unit -> (multiply, divide): dividing by 1000 rounds correctly, multiplying by .001 does not.
-TIMES = {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6), "ns": (1.0, 1e9)}
-LENGTHS = {"m": (1.0, 1.0), "mm": (1.0, 1e3)}
-ANGLES = {"rad": (1.0, 1.0), "deg": (math.pi / 180, 1.0)}
-_FORCE = {"N": (1.0, 1.0), "kN": (1e3, 1.0)}
-_MOMENT = {"N m": (1.0, 1.0), "Nm": (1.0, 1.0), "N mm": (1.0, 1e3)}
+Factors: TypeAlias = dict[str, tuple[float, float]]
+TIMES: Factors = {"s": (1, 1), "ms": (1, 1e3), "us": (1, 1e6), "µs": (1, 1e6), "ns": (1, 1e9)}
+LENGTHS: Factors = {
+    "m": (1, 1),
+    "mm": (1, 1e3),
+    "cm": (1, 100),
+    "um": (1, 1e6),
+    "µm": (1, 1e6),
+    "km": (1e3, 1),
+}
+LENGTHS |= {"in": (127, 5e3), "ft": (381, 1250)}
+ANGLES: Factors = {"rad": (1, 1), "deg": (math.pi / 180, 1), "°": (math.pi / 180, 1), "mrad": (1, 1e3)}
+FORCES: Factors = {
+    "N": (1, 1),
+    "kN": (1e3, 1),
+    "mN": (1, 1e3),
+    "lbf": (4.4482216152605, 1),
+    "kgf": (9.80665, 1),
+}
+MOMENTS: Factors = {"N m": (1, 1), "Nm": (1, 1), "N mm": (1, 1e3), "Nmm": (1, 1e3), "mN m": (1, 1e3)}
+MOMENTS |= {
+    "mNm": (1, 1e3),
+    "kN m": (1e3, 1),
+    "lbf in": (0.1129848290276167, 1),
+    "lbf ft": (1.3558179483314003, 1),
+}
 
 _POSE = ("y", "z", "theta")
 _NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
@@ -125,12 +146,12 @@ _NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
 _PLAIN = frozenset({np.ndarray, list, tuple, float, int, np.float64})
 
 
-def units_of(name: str) -> Mapping[str, tuple[float, float]]:
+def units_of(name: str) -> Factors:
     """Return the units that a column of a motion or a wrench may be in."""
     if name == "t":
         return TIMES
     if name[0] in "fm":
-        return _FORCE if name[0] == "f" else _MOMENT
+        return FORCES if name[0] == "f" else MOMENTS
     suffix = "/s^2" if name.endswith("ddot") else "/s" if name.endswith("dot") else ""
     return {unit + suffix: by for unit, by in (ANGLES if name.startswith("theta") else LENGTHS).items()}
 
@@ -139,7 +160,7 @@ def name_and_unit(field: str) -> tuple[str, str | None]:
     """Split ``y [mm]`` into ``y`` and ``mm``."""
     name, bracket, unit = field.strip().rpartition("[")
     if bracket and unit.endswith("]"):
-        return name.rstrip(), unit[:-1].strip().replace("²", "^2")
+        return name.rstrip(), unit[:-1].strip().replace("²", "^2").replace("/s2", "/s^2").replace("μ", "µ")
     return field.strip(), None
 
 

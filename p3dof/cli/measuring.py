@@ -45,9 +45,7 @@ from p3dof.loops.identification.excitation import Excitation, excitation_tables,
 from p3dof.loops.identification.forces import IdentifiableForces, States
 from p3dof.loops.identification.search import Criterion
 
-_LENGTHS = {**LENGTHS, "um": (1.0, 1e6), "µm": (1.0, 1e6)}
 _FORCE = Amount(FORCE, MOMENT)
-_ANGLES = {**ANGLES, "mrad": (1.0, 1e3)}
 
 
 def read_poses(
@@ -87,7 +85,7 @@ def _header(line: tuple[int, str], source: str, lengths: Mapping[str, bool]) -> 
         if name not in lengths or name in names:
             wanted = "each name once" if name in names else f"one of {', '.join(lengths)}"
             raise InputError(f"{where}: expected {wanted}")
-        units = _LENGTHS if lengths[name] else _ANGLES
+        units = LENGTHS if lengths[name] else ANGLES
         if unit is not None and unit not in units:
             raise InputError(f"{where}: expected a unit of {', '.join(units)}, got [{unit[:20]}]")
         multiply, divide = units[unit] if unit is not None else (1.0, 1.0)

@@ -469,7 +469,7 @@ def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
         ("t,left_joint\n0,1\n", "expected the columns t,left_joint,right_joint"),
         ("t,left_joint,other\n0,1,2\n", "column 3: expected right_joint, got 'other'"),
         ("t,left_joint,other\n0,1,2\n", "(the columns t,left_joint,right_joint, the joints in any order)"),
-        ("t,left_joint [mm],right_joint\n0,1,2\n", "expected a unit of rad, deg, got [mm]"),
+        ("t,left_joint [mm],right_joint\n0,1,2\n", "expected a unit of rad, deg, °, mrad, got [mm]"),
         ("t,left_joint,right_joint\n0,1,x\n", "column right_joint: expected a number, got 'x'"),
         ("t,left_joint,right_joint\n0,1,1\n0,1,1\n", "column t: expected a time after 0, got 0"),
         ("", "expected a motion of joints"),

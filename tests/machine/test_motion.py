@@ -9,10 +9,13 @@ import pytest
 import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy import constants
 
 import p3dof
 from p3dof._base import errors
+from p3dof._base.checks import ANGLES, FORCES, LENGTHS, MOMENTS, TIMES, units_of
 from p3dof._base.errors import FileError, InputError, MotionError, P3dofError
+from p3dof._base.quantities import unit_of
 from p3dof._base.time_series import csv_files
 from p3dof._base.time_series import smoothing as splines
 from p3dof.machine.motion import Motion, WrenchHistory, paper_motion
@@ -695,18 +698,24 @@ MALFORMED = {
     "velocities_only": ("t,y,z,theta,ydot,zdot,thetadot\n", "got only t,y,z,theta,ydot,zdot,thetadot"),
     "extra": (HEADER + ",force\n" + FULL, "line 1, column 11: expected no more columns, got 'force'"),
     "case": ("T,Y,Z,THETA\n", "column 1: expected t, got 'T'"),
-    "unit": ("t,y [cm],z,theta\n", r"line 1, column y: expected a unit of m, mm, got \[cm\]"),
-    "unit_empty": ("t,y [],z,theta\n", r"column y: expected a unit of m, mm, got \[\]"),
-    "unit_of_another": ("t,y [deg],z,theta\n", r"column y: expected a unit of m, mm, got \[deg\]"),
-    "unit_of_time": ("t [h],y,z,theta\n", r"column t: expected a unit of s, ms, us, ns, got \[h\]"),
-    "unit_of_angle": ("t,y,z,theta [grad]\n", r"column theta: expected a unit of rad, deg, got \[grad\]"),
+    "unit": ("t,y [dm],z,theta\n", rf"line 1, column y: expected a unit of {', '.join(LENGTHS)}, got \[dm\]"),
+    "unit_empty": ("t,y [],z,theta\n", rf"column y: expected a unit of {', '.join(LENGTHS)}, got \[\]"),
+    "unit_of_another": (
+        "t,y [deg],z,theta\n",
+        rf"column y: expected a unit of {', '.join(LENGTHS)}, got \[deg\]",
+    ),
+    "unit_of_time": ("t [h],y,z,theta\n", r"column t: expected a unit of s, ms, us, µs, ns, got \[h\]"),
+    "unit_of_angle": (
+        "t,y,z,theta [grad]\n",
+        r"column theta: expected a unit of rad, deg, °, mrad, got \[grad\]",
+    ),
     "unit_of_rate": (
         HEADER.replace("thetadot", "thetadot [rad]"),
-        r"column thetadot: expected a unit of rad/s, deg/s, got \[rad\]",
+        r"column thetadot: expected a unit of rad/s, deg/s, °/s, mrad/s, got \[rad\]",
     ),
     "unit_of_acceleration": (
         HEADER.replace("zddot", "zddot [mm/s]"),
-        r"column zddot: expected a unit of m/s\^2, mm/s\^2, got \[mm/s\]",
+        r"column zddot: expected a unit of m/s\^2, mm/s\^2, cm/s\^2, .*ft/s\^2, got \[mm/s\]",
     ),
     "bracket": ("t,y [mm,z,theta\n", r"column 2: expected y, got 'y \[mm'"),
     "ragged_long": ("t,y,z,theta\n0,0,0,0\n1,0,0,0,0\n", "line 3: expected 4 columns, got 5"),
@@ -933,6 +942,53 @@ def test_a_wrench_file(tmp_path):
     np.testing.assert_allclose(run.wrench, history(run.time), rtol=1e-15)
 
 
+UNITS = {
+    "m": {
+        "mm": 1e-3,
+        "cm": 1e-2,
+        "um": 1e-6,
+        "µm": 1e-6,
+        "km": 1e3,
+        "in": constants.inch,
+        "ft": constants.foot,
+    },
+    "rad": {"deg": constants.degree, "°": constants.degree, "mrad": 1e-3},
+    "N": {"kN": 1e3, "mN": 1e-3, "lbf": constants.lbf, "kgf": constants.kgf},
+    "N m": {"Nm": 1, "N mm": 1e-3, "Nmm": 1e-3, "mN m": 1e-3, "mNm": 1e-3, "kN m": 1e3}
+    | {"lbf in": constants.lbf * constants.inch, "lbf ft": constants.lbf * constants.foot},
+    "s": {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
+}
+"""What may follow the name of a column in brackets, by SciPy's constants."""
+
+
+def test_every_unit_of_a_column_is_what_it_is_elsewhere():
+    """All that are known, none besides; those of parameter files have the same number, to a bit or two."""
+    for si, table in (("m", LENGTHS), ("rad", ANGLES), ("N", FORCES), ("N m", MOMENTS), ("s", TIMES)):
+        assert set(table) == {si, *UNITS[si]}
+        for unit, (multiply, divide) in table.items():
+            assert multiply / divide == pytest.approx({si: 1, **UNITS[si]}[unit], rel=1e-9), unit
+            known = unit_of(unit)
+            if known is not None:
+                assert known[0] == unit_of(si)[0], unit
+                assert multiply / divide == pytest.approx(float(known[1]), rel=4e-16), unit
+
+
+def test_a_motion_in_inches_and_its_derivatives(tmp_path):
+    """By hand: 1 in = 25.4 mm, 1 ft = 12 in; the square of a second also as s², s2."""
+    path = tmp_path / "motion.csv"
+    zeros = 6 * ",0"
+    header = "t [µs],y [in],z [ft],theta [°],ydot [in/s],zdot [cm/s],thetadot [deg/s],yddot [in/s2],"
+    path.write_text(
+        f"{header}zddot [ft/s²],thetaddot [mrad/s^2]\n0,1,0.5,9{zeros}\n1000000,1,0.5,9{zeros}\n",
+        encoding="utf-8",
+    )
+    motion = p3dof.Motion.from_csv(path)
+    np.testing.assert_allclose(motion.pose, [[0.0254, 0.1524, np.pi / 20]] * 2, rtol=1e-15)
+    np.testing.assert_array_equal(motion.time, [0.0, 1.0])
+    factors = [a / b for a, b in (units_of("yddot")["in/s^2"], units_of("zdot")["ft/s"])]
+    np.testing.assert_allclose(factors, [0.0254, 0.3048], rtol=1e-15)
+
+
 @pytest.mark.parametrize("shift", range(3))
 def test_each_unit_of_a_wrench_file_in_each_column(tmp_path, shift):
     """Newtons and newton metres by hand; columns without a unit are in them."""
@@ -956,10 +1012,13 @@ def test_each_unit_of_a_wrench_file_in_each_column(tmp_path, shift):
             "expected the columns t,fx,fy,fz,mx,my,mz, in this order, got only",
         ),
         ("t,fx,fy,fz,mx,mz,my\n0,1,2,3,4,5,6\n", "line 1, column 6: expected my, got 'mz'"),
-        ("t,fx [m],fy,fz,mx,my,mz\n0,1,2,3,4,5,6\n", r"column fx: expected a unit of N, kN, got \[m\]"),
+        (
+            "t,fx [m],fy,fz,mx,my,mz\n0,1,2,3,4,5,6\n",
+            r"column fx: expected a unit of N, kN, mN, lbf, kgf, got \[m\]",
+        ),
         (
             "t,fx,fy,fz,mx,my [N],mz\n0,1,2,3,4,5,6\n",
-            r"column my: expected a unit of N m, Nm, N mm, got \[N\]",
+            r"column my: expected a unit of N m, Nm, N mm, .*lbf ft, got \[N\]",
         ),
         ("t,fx,fy,fz,mx,my,mz\n0,1,x,3,4,5,6\n", "line 2, column fy: expected a number, got 'x'"),
         ("t,fx,fy,fz,mx,my,mz\n0,1,2,3,4,5,nan\n", "line 2, column mz: expected a finite number, got nan"),

@@ -215,8 +215,11 @@ def test_a_whole_motion_and_its_load_in_one_table():
     ("columns", "line"),
     [
         (["y", "z", "phi"], "pose: expected the columns y,z,theta, got a DataFrame with y,z,phi"),
-        (["y", "z [kg]", "theta"], "pose, column z: expected a unit of m, mm, got [kg]"),
-        (["y", "z", "theta [mm]"], "pose, column theta: expected a unit of rad, deg, got [mm]"),
+        (
+            ["y", "z [kg]", "theta"],
+            "pose, column z: expected a unit of m, mm, cm, um, µm, km, in, ft, got [kg]",
+        ),
+        (["y", "z", "theta [mm]"], "pose, column theta: expected a unit of rad, deg, °, mrad, got [mm]"),
         (["y", "y [mm]", "z"], "pose: expected the columns y,z,theta, got a DataFrame with y,y [mm],z"),
     ],
 )
@@ -236,7 +239,9 @@ def test_a_table_for_another_quantity_has_its_units():
     poses = pandas.DataFrame(ROWS, columns=["y", "z", "theta [deg]"])
     with pytest.raises(p3dof.P3dofError) as told:
         p3dof.load().forces(ROWS, poses, SPEEDS)
-    assert str(told.value) == "velocity, column theta: expected a unit of rad/s, deg/s, got [deg]"
+    assert (
+        str(told.value) == "velocity, column theta: expected a unit of rad/s, deg/s, °/s, mrad/s, got [deg]"
+    )
 
 
 @pytest.mark.parametrize("method", ["pinocchio", "virtual-power", "compiled"])

@@ -153,7 +153,7 @@ class WrenchHistory(FrozenArrays):
     def from_csv(cls, path: Source) -> WrenchHistory:
         """Read a wrench file: CSV with the header ``t,fx,fy,fz,mx,my,mz``.
 
-        A unit in brackets may follow each name: s or ms, N or kN, N m or N mm; without one the column is in
+        A unit in brackets may follow each name, such as ms, kN, N mm or lbf; without one the column is in
         s, N or N m.
 
         Parameters

@@ -17,7 +17,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from p3dof._base.checks import ANGLES, LENGTHS, FloatArray, FrozenArrays, as_floats, name_and_unit, shown
+from p3dof._base.checks import (
+    ANGLES,
+    FORCES,
+    LENGTHS,
+    MOMENTS,
+    FloatArray,
+    FrozenArrays,
+    as_floats,
+    name_and_unit,
+    shown,
+)
 from p3dof._base.errors import InputError, MotionError, P3dofError
 from p3dof._base.files import Source, called, read_text, write_table
 from p3dof._base.files.archives import READ, damage_told, pyarrow
@@ -27,10 +37,6 @@ from p3dof.loops.identification.forces import IdentifiableForces, Rows, States
 
 FORCE, CURRENT = "force:", "current:"
 """What stands before an actuator's name in the column of its force, or of its current."""
-_FORCES = {
-    "N": {"N": (1.0, 1.0), "kN": (1e3, 1.0), "mN": (1.0, 1e3)},
-    "N m": {"N m": (1.0, 1.0), "Nm": (1.0, 1.0), "N mm": (1.0, 1e3), "mN m": (1.0, 1e3), "kN m": (1e3, 1.0)},
-}
 _CURRENTS = {"A": (1.0, 1.0), "mA": (1.0, 1e3)}
 
 FEWEST = 40
@@ -199,7 +205,7 @@ def _form(given: list[str], each: Mapping[str, Kind]) -> csv_files.Form:
     wanted += forces
     order = given if sorted(given) == sorted(wanted) and given[:1] == ["t"] else wanted
     units = {name: LENGTHS if kind.position == "m" else ANGLES for name, kind in each.items()}
-    units |= {FORCE + name: _FORCES[kind.force] for name, kind in each.items()}
+    units |= {FORCE + name: (FORCES if kind.force == "N" else MOMENTS) for name, kind in each.items()}
     units |= {CURRENT + name: _CURRENTS for name in each}
     words = "t first; units in square brackets"
     return csv_files.Form("a log of motors", tuple(order), (len(order),), units, words)
