@@ -87,7 +87,7 @@ def forces_along(
     joints = [robot.model.getJointId(name) for name in robot.actuated]
     text, name = read_text(motion), called(motion)
     sliding = [is_slide(robot, joint) for joint in joints]
-    curve = read_joints(text, name, robot.actuated, sliding, smooth)
+    curve = read_joints(text, name, robot.actuated, sliding, smooth, list(robot.model.names))
     known = [f"{words[0].upper()}{words[1:]}." for words in curve.remarks(robot.actuated, sliding)]
     external = {
         frame: wrench.since(curve.start) if isinstance(wrench, WrenchHistory) else wrench

@@ -86,7 +86,8 @@ class JointReference:
             If the file cannot be read or does not fit the robot.
         """
         sliding = [is_slide(loop, loop.model.getJointId(name)) for name in loop.actuated]
-        curve = read_joints(read_text(path), called(path), loop.actuated, sliding)
+        others = list(loop.model.names)
+        curve = read_joints(read_text(path), called(path), loop.actuated, sliding, others=others)
         return cls(curve.time, curve.values, smooth)
 
     @classmethod

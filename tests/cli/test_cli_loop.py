@@ -14,11 +14,11 @@ import yaml
 from browser import find_chromium
 from command_line import run
 from documents import ROOT
-from gallery import GALLERY
+from gallery import GALLERY, gallery
 from PIL import Image
 
 import p3dof
-from p3dof._base.errors import InputError, ModelError
+from p3dof._base.errors import InputError, ModelError, ModelWarning
 from p3dof._base.quantities import FORCE, MOMENT
 from p3dof.cli.kinds import Amount, require_unit
 from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
@@ -470,6 +470,15 @@ def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
         ("t,left_joint,other\n0,1,2\n", "column 3: expected right_joint, got 'other'"),
         ("t,left_joint,other\n0,1,2\n", "(the columns t,left_joint,right_joint, the joints in any order)"),
         ("t,left_joint [mm],right_joint\n0,1,2\n", "expected a unit of rad, deg, °, mrad, got [mm]"),
+        (
+            "t,left_joint,right_joint,other dot\n0,1,2,0\n",
+            "column 4: expected no more columns, got 'other dot'",
+        ),
+        ("t,gap,left_joint,other.x\n0,0,1,2\n", "column 4: expected right_joint, got 'other.x'"),
+        ("t,gap,left_joint,left_joint\n0,0,1,2\n", "column 4: expected right_joint, got 'left_joint'"),
+        ("t,gap,left_joint,right_joint\n0,x,1,2\n", "column gap: expected a number, got 'x'"),
+        ("t,gap,left_joint,right_joint\n0,0,x,2\n", "column left_joint: expected a number, got 'x'"),
+        ("gap,t,left_joint,right_joint\n0,0,0,2\n0,0,0,2\n", "column t: expected a time after 0, got 0"),
         ("t,left_joint,right_joint\n0,1,x\n", "column right_joint: expected a number, got 'x'"),
         ("t,left_joint,right_joint\n0,1,1\n0,1,1\n", "column t: expected a time after 0, got 0"),
         ("", "expected a motion of joints"),
@@ -501,6 +510,46 @@ def test_simulate_keeps_energy_and_loops(capsys, tmp_path, five_bar):
     elbow = robots.five_bar_q(*angles[-1])[1]
     assert found["left_elbow"][-1] == pytest.approx(elbow, abs=1e-7)
     assert found["gap"].max() < 1e-8
+
+
+def test_what_a_run_and_forces_write_is_a_motion_again(capsys, tmp_path, five_bar):
+    """A constant torque moves the robot; the forces of that motion are it. Only joints and time are read."""
+    start = ("--set", "left_joint=1.9", "--set", "right_joint=1.2", "--actuator-force", "left_joint=2")
+    run_, bare, first, again = (tmp_path / f"{name}.csv" for name in ("run", "bare", "first", "again"))
+    options = ("--duration", 0.2, "--samples", 21, "--multipliers")
+    assert loop(capsys, "simulate", five_bar, *start, *options, "--out", run_)[0] == 0
+    names = list(columns(run_))
+    keep = [names.index(name) for name in ("t [s]", "left_joint", "right_joint")]
+    lines = [line.split(",") for line in run_.read_text().splitlines()]
+    bare.write_text("\n".join(",".join(line[k] for k in keep) for line in lines))
+    for source in (bare, run_):
+        code, _, err = loop(capsys, "forces", five_bar, "--motion", source, "--samples", 201, "--out", first)
+        assert code == 0
+    beside = "left_elbow, right_elbow, left_joint dot, left_elbow dot and 9 more"
+    assert err == f"p3dof: {run_}: passed over what p3dof writes beside a motion: {beside}\n"
+    found = columns(first)
+    np.testing.assert_allclose(found["force left_joint [N m]"][50:150], 2, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found["force right_joint [N m]"][50:150], 0, rtol=0, atol=1e-5)
+    code, _, err = loop(capsys, "forces", five_bar, "--motion", first, "--samples", 201, "--out", again)
+    assert code == 0
+    assert "passed over" in err
+    assert loop(capsys, "forces", five_bar, "--motion", bare, "--samples", 201, "--out", run_)[2] == ""
+    assert run_.read_bytes() == first.read_bytes()  # what is beside changes nothing
+    for name, column in columns(again).items():
+        np.testing.assert_allclose(found[name], column, rtol=0, atol=1e-4, err_msg=name)
+    code, _, err = loop(capsys, "simulate", five_bar, "--motion", first, "--controller", "pd")
+    assert (code, "passed over" in err) == (0, True)
+
+
+@pytest.mark.parametrize("name", ["stewart", "leg"])
+def test_joints_of_several_freedoms_are_passed_over(tmp_path, name):
+    robot = gallery(name)
+    q, v = robot.assemble().q, np.zeros(robot.model.nv)
+    path = simulate_robot(robot, 1e-3, q, v, samples=2).save(tmp_path / "run.csv", multipliers=True)
+    with pytest.warns(ModelWarning, match="passed over"):
+        reference = JointReference.from_csv(robot, path)
+    wanted = columns(path)
+    np.testing.assert_array_equal(reference.curve.values.T, [wanted[joint] for joint in robot.actuated])
 
 
 def test_simulate_follows_a_motion_under_a_controller(capsys, tmp_path, five_bar):

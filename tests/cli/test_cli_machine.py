@@ -10,6 +10,7 @@ import pytest
 from command_line import run
 
 import p3dof
+from p3dof._base.errors import MotionError
 from p3dof.cli import main
 from p3dof.machine.parameters import PAPER, Body
 
@@ -204,6 +205,44 @@ def test_simulate_shows_what_the_inverse_model_gains(tmp_path, capsys):
         error = np.abs(table["y_m"] - table["reference_y_m"]).max()
         assert error < (5e-3 if name == "pd" else 1e-6)
     assert (tmp_path / "tracking.png").read_bytes().startswith(b"\x89PNG")
+
+
+PARTS = (
+    ("y_m", "z_m", "theta_rad"),
+    ("ydot_ms", "zdot_ms", "thetadot_rads"),
+    ("yddot_ms2", "zddot_ms2", "thetaddot_rads2"),
+)
+
+
+def test_what_a_run_writes_is_a_motion_again(tmp_path, capsys):
+    """Its forces are those of the run, though accelerations jump where the controller acts."""
+    code, *_ = run(capsys, "simulate", "--controller", "pd", "--out", tmp_path, "--no-plot")
+    assert code == 0
+    path = tmp_path / "simulation_pd.csv"
+    code, _, err = run(capsys, "forces", "--motion", path, "--out", tmp_path / "f.csv")
+    assert code == 0
+    beside = "slider A, slider B, slider C, slider velocity A and 18 more"
+    assert err == f"p3dof: {path}: passed over what p3dof writes beside a motion: {beside}\n"
+    told, found = columns(path), columns(tmp_path / "f.csv")
+    for leg in "ABC":
+        assert np.abs(told[f"f{leg}_N"]).max() > 50
+        np.testing.assert_allclose(found[f"f{leg}_N"], told[f"f{leg}_N"], rtol=0, atol=1e-9)
+    with pytest.raises(MotionError, match="acceleration of theta"):
+        p3dof.Motion(told["t_s"], *(np.column_stack([told[n] for n in names]) for names in PARTS))
+
+
+@pytest.mark.parametrize("armature", [0, 0.5])
+def test_what_forces_writes_is_a_motion_again(tmp_path, capsys, armature):
+    options = ("--armature", armature) if armature else ()
+    assert run(capsys, "forces", *options, "--out", tmp_path / "f.csv")[0] == 0
+    arguments = (*options, "--motion", tmp_path / "f.csv", "--out", tmp_path / "g.csv", "--samples", 1001)
+    code, _, err = run(capsys, "forces", *arguments)
+    assert (code, err.count("\n")) == (0, 1)
+    assert "passed over what p3dof writes beside a motion: fA, fB, fC, " in err
+    told, found = columns(tmp_path / "f.csv"), columns(tmp_path / "g.csv")
+    assert told.dtype == found.dtype
+    for leg in "ABC":
+        np.testing.assert_allclose(found[f"f{leg}_N"], told[f"f{leg}_N"], rtol=0, atol=1e-3)
 
 
 def test_a_run_that_ends_early_says_why_and_keeps_its_samples(tmp_path, capsys):

@@ -3,7 +3,7 @@
 The header of a motion is ``t,y,z,theta``, then either nothing (the pose alone) or ``ydot,zdot,thetadot,
 yddot,zddot,thetaddot``, in exactly this order; that of a wrench is ``t,fx,fy,fz,mx,my,mz``. A unit in
 brackets may follow each name, as in ``y [mm]``; without one the column is in SI units. Blank lines and lines
-that begin with ``#`` are skipped.
+that begin with ``#`` are skipped, and what p3dof writes beside a motion, such as forces, is passed over.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from itertools import islice
@@ -27,6 +27,7 @@ from p3dof._base.checks import (
     one_line,
     require_commas,
     units_of,
+    warn_caller,
     with_point,
 )
 from p3dof._base.errors import MotionError
@@ -53,6 +54,7 @@ class Form:
     units: Mapping[str, Mapping[str, tuple[float, float]]] | None = None
     """The units that a column may be in, by its name; by default the name tells the kind."""
     order: str = "in this order"  # in which order they may be, in words
+    beside: frozenset[str] = frozenset()  # what p3dof itself writes beside them, which is passed over
 
     @property
     def rule(self) -> str:
@@ -61,8 +63,18 @@ class Form:
         return f"the columns {choices}, {self.order}"
 
 
+OF_A_RUN = "closure_error"
+"""A column beside a motion that p3dof computed."""
 MOTION = Form(
-    "a motion", ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot"), (4, 10)
+    "a motion",
+    ("t", "y", "z", "theta", "ydot", "zdot", "thetadot", "yddot", "zddot", "thetaddot"),
+    (4, 10),
+    beside=frozenset(
+        [f"{what}{leg}" for what in ("slider ", "slider velocity ", "f", "nut ") for leg in "ABC"]
+        + [f"f{leg} asked" for leg in "ABC"]
+        + [f"reference {name}" for name in ("y", "z", "theta")]
+        + ["Fx", "Fy", "Fz", "Mx", "My", "Mz", OF_A_RUN, "power", "power_residual"]
+    ),
 )
 HEADER = tuple(f"{name} [{unit}]" for name, unit in zip(MOTION.names, _WRITTEN, strict=True))
 """What the columns of a motion are called in files."""
@@ -79,13 +91,16 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     line, header = next(rows, (0, []))
     if not header:
         raise MotionError(f"{source}: expected {form.what} with {form.rule}, got an empty file")
-    factors = _header(header, f"{source}, line {line}", form)
+    kept = _kept(header, form)
+    factors = _header(header, kept, f"{source}, line {line}", form)
     start = _end_of_line(text, line)
     data = numbers_of_lines(text, start, MAX_LINE, len(header))
     if data is None:
-        data = _read_with_care(rows, source, header, form)
+        data = _read_with_care(rows, source, header)
     if not len(data):
         raise MotionError(f"{source}: expected lines of numbers after the header, got none")
+    if len(kept) < len(header):
+        data = np.ascontiguousarray(data[:, kept])
     for i, j in np.argwhere(~(np.abs(data) <= LARGEST)):
         large = np.isfinite(data[i, j])
         wanted = f"a number of at most {LARGEST:g} in size" if large else "a finite number"
@@ -96,12 +111,14 @@ def parse(text: str, source: str, form: Form = MOTION) -> tuple[FloatArray, Floa
     columns = data[:, 1:] * multiply[1:] / divide[1:]
     time, first = data[:, 0] * multiply[0] / divide[0], 0.0
     if is_of_clock(time):
-        time, first = _since_the_first(text, int(divide[0]))
+        time, first = _since_the_first(text, kept[0], int(divide[0]))
     for i in np.flatnonzero(time[1:] <= time[:-1]):
         raise MotionError(
             f"{source}, line {_line_of(i + 1, text)}, column t: expected a time after {data[i, 0]:.16g}, "
             f"got {data[i + 1, 0]:.16g}"
         )
+    if len(kept) < len(header):
+        _tell(source, [name for k, name in enumerate(header) if k not in kept])
     return time, columns, first
 
 
@@ -109,7 +126,7 @@ def of_columns(
     columns: Mapping[str, FloatArray], source: str, form: Form
 ) -> tuple[FloatArray, FloatArray, float]:
     """Take columns of another kind of file, by their names with units, as `parse` takes those of CSV text."""
-    factors = np.array(_header(list(columns), source, form))
+    factors = np.array(_header(list(columns), range(len(columns)), source, form))
     data = np.stack(list(columns.values()), axis=-1)
     for i, j in np.argwhere(~(np.abs(data) <= LARGEST)):
         raise MotionError(
@@ -123,9 +140,7 @@ def of_columns(
     return time, data[:, 1:] * factors[1:, 0] / factors[1:, 1], first
 
 
-def _read_with_care(
-    rows: Iterator[tuple[int, list[str]]], source: str, header: list[str], form: Form
-) -> FloatArray:
+def _read_with_care(rows: Iterator[tuple[int, list[str]]], source: str, header: list[str]) -> FloatArray:
     """Read line by line what is not plain numbers between commas, and name the first field that is none."""
     numbers = array("d")
     for line, row in rows:
@@ -136,12 +151,12 @@ def _read_with_care(
         try:
             numbers.extend([float(field) for field in row])
         except ValueError:
-            _name_the_field(row, f"{source}, line {line}", form)
+            _name_the_field(row, f"{source}, line {line}", header)
         whole = "".join(row)
         if (
             "_" in whole or not whole.isascii()
         ):  # Python reads 1_000 and other scripts' digits, nobody else does
-            _name_the_field(row, f"{source}, line {line}", form)
+            _name_the_field(row, f"{source}, line {line}", header)
     return np.frombuffer(numbers).reshape(-1, len(header)) if numbers else np.empty((0, len(header)))
 
 
@@ -153,10 +168,10 @@ def _end_of_line(text: str, number: int) -> int:
     return at
 
 
-def _since_the_first(text: str, divide: int) -> tuple[FloatArray, float]:
+def _since_the_first(text: str, column: int, divide: int) -> tuple[FloatArray, float]:
     """Return the times [s] since the first one, and that: by the digits of the text, not rounded before."""
     rows = islice(_rows(text, ""), 1, None)
-    times = (Decimal(row[0].strip()) for _, row in rows)
+    times = (Decimal(row[column].strip()) for _, row in rows)
     with localcontext() as context:
         context.prec = _DIGITS
         first = next(times)
@@ -210,19 +225,32 @@ def _line_of(index: int, text: str) -> int:
     return next(islice(_rows(text, ""), index + 1, None))[0]
 
 
-def _header(header: list[str], where: str, form: Form) -> list[tuple[float, float]]:
+def _kept(header: list[str], form: Form) -> list[int]:
+    """Return which columns are read: all but what p3dof writes beside them."""
+    names = [name_and_unit(field)[0] for field in header]
+    return [k for k, name in enumerate(names) if name in form.names or name not in form.beside]
+
+
+def _tell(source: str, fields: list[str]) -> None:
+    """Say which columns are passed over."""
+    names = [name_and_unit(field)[0] for field in fields]
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    warn_caller(f"{source}: passed over what p3dof writes beside a motion: {', '.join(names[:4])}{more}")
+
+
+def _header(header: list[str], kept: Sequence[int], where: str, form: Form) -> list[tuple[float, float]]:
     """Check the names; return what to multiply each column by, and divide it by, to reach SI units."""
     require_commas(header, where, MotionError)
-    fields = [name_and_unit(field) for field in header]
-    for number, (name, _) in enumerate(fields, start=1):
-        expected = form.names[number - 1] if number <= len(form.names) else "no more columns"
+    fields = [name_and_unit(header[k]) for k in kept]
+    for index, (k, (name, _)) in enumerate(zip(kept, fields, strict=True)):
+        expected = form.names[index] if index < len(form.names) else "no more columns"
         if name != expected:
             bracket = re.match(rf"{re.escape(expected)} *\((.+)\)", name)
             told = f"; a unit is in square brackets: {expected} [{bracket[1]:.20}]" if bracket else ""
             told = "; a first line names the columns" if is_number(name) else told
             told = "; a comma too many?" if not name else told
             raise MotionError(
-                f"{where}, column {number}: expected {expected}, got {name!r:.40} ({form.rule}){told}"
+                f"{where}, column {k + 1}: expected {expected}, got {name!r:.40} ({form.rule}){told}"
             )
     if len(fields) not in form.counts:
         raise MotionError(f"{where}: expected {form.rule}, got only {','.join(name for name, _ in fields)}")
@@ -241,8 +269,9 @@ def _factor(name: str, unit: str | None, where: str, form: Form) -> tuple[float,
     return known
 
 
-def _name_the_field(row: list[str], where: str, form: Form) -> NoReturn:
+def _name_the_field(row: list[str], where: str, header: list[str]) -> NoReturn:
     """Raise for the first field that is not a number."""
-    name, field = next(pair for pair in zip(form.names, row, strict=False) if not is_number(pair[1]))
+    names = (name_and_unit(field)[0] for field in header)
+    name, field = next(pair for pair in zip(names, row, strict=False) if not is_number(pair[1]))
     got = repr(field.strip())[:40] if field.strip() else "nothing"
     raise MotionError(f"{where}, column {name}: expected a number, got {got}{with_point(field)}")

@@ -2,7 +2,8 @@
 
 The header is ``t`` and the names of the joints, in any order; a unit in brackets may follow each, as in
 ``crank [deg]``; without one the column is in s, m or rad. Blank lines and lines that begin with ``#`` are
-skipped. The values are points of a curve, as the poses of the manipulator's motion files are.
+skipped, and what p3dof writes beside a motion is passed over: forces, velocities, other joints. The values
+are points of a curve, as the poses of the manipulator's motion files are.
 """
 
 from __future__ import annotations
@@ -96,10 +97,20 @@ _DEGREES = 1e4
 
 
 def read_joints(
-    text: str, source: str, joints: Sequence[str], sliding: Sequence[bool], smooth: Smooth = None
+    text: str,
+    source: str,
+    joints: Sequence[str],
+    sliding: Sequence[bool],
+    smooth: Smooth = None,
+    others: Sequence[str] = (),
 ) -> JointCurve:
-    """Read the motion of some joints from CSV text; of the joints, in the order of `joints`."""
-    given = header_of(text, source)
+    """Read the motion of some joints from CSV text; of the joints, in the order of `joints`.
+
+    What p3dof writes beside it, also of `others`, which are the robot's other joints, is passed over.
+    """
+    header = header_of(text, source)
+    beside = frozenset(name for name in header if _beside(name, {*joints, *others}))
+    given = [name for name in header if name in joints or name not in beside]
     if sorted(given[1:]) == sorted(joints) and given[:1] == ["t"]:
         order = [list(given[1:]).index(name) for name in joints]
         named = given
@@ -107,7 +118,7 @@ def read_joints(
         order, named = list(range(len(joints))), ["t", *joints]
     kinds = dict(zip(joints, sliding, strict=True))
     units = {name: LENGTHS if kinds[name] else ANGLES for name in named[1:]}
-    form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order")
+    form = Form("a motion of joints", tuple(named), (len(named),), units, "the joints in any order", beside)
     time, values, start = parse(text, source, form)
     values = np.ascontiguousarray(values[:, order])
     for name, column in zip(joints, values.T, strict=True):
@@ -121,3 +132,11 @@ def read_joints(
         if not np.isfinite(array).all():
             raise MotionError(f"{source}: the values are too large or too near in time: no finite {name}")
     return curve
+
+
+def _beside(name: str, joints: set[str]) -> bool:
+    """Return whether a column is one that p3dof writes beside a motion, of a robot with these joints."""
+    bare = name.removeprefix("force ").removesuffix(" dot")
+    joint, _, number = bare.rpartition(".")  # of several freedoms
+    of_joint = bare in joints or (number.isdecimal() and joint in joints)
+    return of_joint or name in ("energy", "gap") or name.startswith("multiplier ")

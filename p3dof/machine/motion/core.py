@@ -223,13 +223,15 @@ class Motion(FrozenArrays, ShownInNotebook, Tabular):
         ``t,y,z,theta,ydot,zdot,thetadot,yddot,zddot,thetaddot``, in this order. A unit in brackets may follow
         each name: ``t [ms]``, ``y [mm]``, ``theta [deg]``, ``ydot [mm/s]``, ``thetaddot [deg/s^2]`` and so
         on; without one, the column is in s, m, rad. Blank lines and lines that begin with ``#`` are skipped.
+        What p3dof writes beside a motion, such as forces and sliders, is passed over, with a warning.
 
         Parameters
         ----------
         path : path-like
             The CSV file; or a stream that is open for reading.
         check : bool
-            Whether to check velocity and acceleration against the pose; see `Motion`.
+            Whether to check velocity and acceleration against the pose; see `Motion`. Those of a simulation
+            are exact and not checked: accelerations jump where a controller acts.
         smooth : float or "auto", optional
             For poses alone: see `from_poses`.
 
@@ -241,7 +243,9 @@ class Motion(FrozenArrays, ShownInNotebook, Tabular):
         FileError
             If the file cannot be read.
         """
-        time, columns, start = csv_files.parse(read_text(path, csv_files.MAX_BYTES), called(path))
+        text = read_text(path, csv_files.MAX_BYTES)
+        time, columns, start = csv_files.parse(text, called(path))
+        check = check and csv_files.OF_A_RUN not in csv_files.header_of(text, called(path))
         try:
             if columns.shape[1] == 3:
                 return cls._near(Curve(time, columns), smooth, start)
