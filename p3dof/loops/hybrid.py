@@ -24,7 +24,7 @@ R. Featherstone, Rigid Body Dynamics Algorithms, Springer 2008, sections 9.1 (hy
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, TypeAlias
@@ -130,6 +130,31 @@ def by_name(what: str, values: ByName) -> dict[str, FloatArray]:
     if not isinstance(values, Mapping):
         raise InputError(f"{what}: expected a mapping of names to accelerations, got {type(values).__name__}")
     return {name: as_floats(f"{what} {name}", value) for name, value in values.items()}
+
+
+def by_joint(what: str, values: ByName, joints: Sequence[str], rest: float | None = None) -> FloatArray:
+    """Return values by joint in the order of `joints`, on the last axis; `rest` for those without, if any."""
+    for name in (name for name in values if name not in joints):
+        raise InputError(f"{what}: no joint {shown(name)} is asked for; {suggestion(str(name), joints)}")
+    if rest is None and len(values) < len(joints):
+        missing = ", ".join(name for name in joints if name not in values)
+        raise InputError(f"{what}: expected a value of each joint, got none of {missing}")
+    rows = [as_floats(f"{what} {name}", values.get(name, rest)) for name in joints]
+    if len({len(row) for row in rows if row.ndim}) > 1 or any(row.ndim > 1 for row in rows):
+        raise InputError(f"{what}: expected a number of each joint, or arrays of one length")
+    return np.stack(np.broadcast_arrays(*rows), axis=-1) if rows else np.zeros(0)
+
+
+def rates_of(target: Any, rates: tuple[Any, Any], actuated: Sequence[str]) -> tuple[ArrayLike, ArrayLike]:
+    """Return velocity and acceleration of a target in its order; they may be given by joint, as it is."""
+    found, named = [*rates], isinstance(target, Mapping)
+    for k, what in enumerate(("velocity", "acceleration")):
+        if isinstance(rates[k], Mapping):
+            parts = target if isinstance(target, list | tuple) else [target]
+            if not named and any(x is None or isinstance(x, Mapping) or hasattr(x, "frame") for x in parts):
+                raise InputError(f"{what}: expected an array, got names; these belong to a target of joints")
+            found[k] = by_joint(what, rates[k], [*target] if named else actuated)
+    return found[0], found[1]
 
 
 def joint_freedoms(model: pin.Model, name: str) -> range:

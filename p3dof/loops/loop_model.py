@@ -25,7 +25,7 @@ from p3dof.loops.assembly import TOLERANCE, Assembly, Limits, State, TargetLike,
 from p3dof.loops.batch.kinematics import BodyEnergies, energies_of
 from p3dof.loops.closed_tree import ClosedTree, External
 from p3dof.loops.coordinates import configuration_of, joint_named, length_coordinates
-from p3dof.loops.hybrid import ByName
+from p3dof.loops.hybrid import ByName, by_joint, rates_of
 from p3dof.loops.margins import Margins, SingularityMargins
 from p3dof.loops.results import ForwardDynamics, HybridDynamics, InverseDynamics
 from p3dof.loops.sidecar import Coupling, MotorSide, Sidecar, SidecarLike, motor_side
@@ -423,7 +423,11 @@ class LoopModel:
         return Limits(self.model).beyond(self._tree.configuration("q", q))
 
     def complete(
-        self, target: TargetLike, velocity: ArrayLike, acceleration: ArrayLike, guess: ArrayLike | None = None
+        self,
+        target: TargetLike,
+        velocity: ArrayLike | ByName,
+        acceleration: ArrayLike | ByName,
+        guess: ArrayLike | None = None,
     ) -> State:
         """Find configuration, velocity and acceleration of the whole tree from the motion of a target.
 
@@ -431,10 +435,10 @@ class LoopModel:
         ----------
         target : FrameTarget, (n_actuated,) array, mapping of str to float, or a list of these
             As in `assemble`.
-        velocity, acceleration : (n,) array
-            Velocity and acceleration of the joints, or the prescribed components, in the order of the mask,
-            of the frame's ``LOCAL_WORLD_ALIGNED`` velocity and classical acceleration. Of several targets one
-            after the other.
+        velocity, acceleration : (n,) array, or mapping of str to float
+            Velocity and acceleration of the joints, in the order of the target or all of them by name; or the
+            prescribed components, in the order of the mask, of the frame's ``LOCAL_WORLD_ALIGNED`` velocity
+            and classical acceleration. Of several targets one after the other.
         guess : (nq,) array, optional
             As in `assemble`.
 
@@ -445,6 +449,8 @@ class LoopModel:
         InputError
             If an argument has the wrong shape, is not finite, or names a frame that does not exist.
         """
+        if type(velocity) is not np.ndarray or type(acceleration) is not np.ndarray:
+            velocity, acceleration = rates_of(target, (velocity, acceleration), self.actuated)
         return self._own.complete(target, velocity, acceleration, guess)
 
     def inverse_dynamics(
@@ -516,7 +522,7 @@ class LoopModel:
         self,
         q: ArrayLike,
         v: ArrayLike,
-        tau: ArrayLike,
+        tau: ArrayLike | ByName,
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
         stabilisation: float = 0.0,
@@ -532,7 +538,9 @@ class LoopModel:
             Configuration, with closed loops.
         v : (nv,) array
             Velocity.
-        tau, external, joint_forces
+        tau : (n_actuated,) array, or mapping of str to float
+            Forces of the actuated joints [N or N m]; by name, those of the others are zero.
+        external, joint_forces
             As of `residual`.
         stabilisation : float
             β of Baumgarte's stabilisation [1/s]: gaps e of the loops follow ë + 2β ė + β² e = 0.
@@ -545,6 +553,8 @@ class LoopModel:
             If an argument has the wrong shape or is not finite, the loops are open by more than 1e-3, or the
             velocity opens them by more than 1e-2 of itself.
         """
+        if type(tau) is not np.ndarray and isinstance(tau, Mapping):
+            tau = by_joint("tau", tau, self.actuated, 0.0)
         return self._own.forward_dynamics(q, v, tau, (external, joint_forces), stabilisation)
 
     def hybrid_dynamics(

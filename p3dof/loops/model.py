@@ -33,7 +33,7 @@ from p3dof.loops.compiled.compiled_loop import CompiledLoop
 from p3dof.loops.compiled.following import Settler
 from p3dof.loops.compiled.kept import ENOUGH, Method, chosen, compiled_for
 from p3dof.loops.coordinates import rounding
-from p3dof.loops.hybrid import ByName, by_name, joint_freedoms
+from p3dof.loops.hybrid import ByName, by_joint, by_name, joint_freedoms, rates_of
 from p3dof.loops.linear import BoolArray, IndexArray
 from p3dof.loops.loop_model import LoopModel
 
@@ -103,12 +103,13 @@ def _acting(loads: Loads, count: int, nv: int) -> _Acting:
 def complete(
     loop: LoopModel,
     target: BatchTarget | Sequence[BatchTarget],
-    rates: tuple[ArrayLike, ArrayLike],
+    rates: tuple[ArrayLike | ByName, ArrayLike | ByName],
     starts: tuple[ArrayLike | None, ArrayLike | None],
     stop: bool,
     method: Method,
 ) -> BatchStates:
     """`ClosedLoopModel.complete_batch`."""
+    rates = rates_of(target, rates, loop.actuated)
     if isinstance(method, str) and method == "general":
         return _own_complete(loop, target, rates, starts, stop)
     if isinstance(target, Mapping) or not _is_array(target):
@@ -185,12 +186,14 @@ def inverse_dynamics(
 def forward_dynamics(
     loop: LoopModel,
     state: tuple[ArrayLike, ArrayLike],
-    tau: ArrayLike,
+    tau: ArrayLike | ByName,
     loads: Loads,
     stop: bool,
     method: Method,
 ) -> BatchForwardDynamics:
     """`ClosedLoopModel.forward_dynamics_batch`."""
+    if isinstance(tau, Mapping):
+        tau = by_joint("tau", tau, loop.actuated, 0.0)
     samples = _Samples(loop, method, state, {"tau": tau})
     acting = _acting(loads, len(samples.arrays[0]), loop.model.nv)
     done = _rows_by(loop, method, "checked_forward_dynamics", samples, ("q", "v", "tau"), acting)
@@ -495,8 +498,8 @@ class ClosedLoopModel(LoopModel):
     def complete_batch(
         self,
         target: BatchTarget | Sequence[BatchTarget],
-        velocity: ArrayLike,
-        acceleration: ArrayLike,
+        velocity: ArrayLike | ByName,
+        acceleration: ArrayLike | ByName,
         guess: ArrayLike | None = None,
         near: ArrayLike | None = None,
         stop: bool = False,
@@ -509,7 +512,7 @@ class ClosedLoopModel(LoopModel):
         target : FrameTargets, (N, n_actuated) array, mapping of str to (N,) array, or a list of these
             Placements of a frame, values of the actuated joints, or those of other joints by name, a number
             for the same at all samples; or several of them at once, as in `complete`.
-        velocity, acceleration : (N, size) array
+        velocity, acceleration : (N, size) array, or mapping of str to (N,) array
             As in `complete`, of every sample.
         guess : (nq,) array, optional
             Where all samples start; by default the reference configuration.
@@ -577,7 +580,7 @@ class ClosedLoopModel(LoopModel):
         self,
         q: ArrayLike,
         v: ArrayLike,
-        tau: ArrayLike,
+        tau: ArrayLike | ByName,
         external: External | None = None,
         joint_forces: ArrayLike | None = None,
         stop: bool = False,
@@ -591,8 +594,8 @@ class ClosedLoopModel(LoopModel):
             Configurations, with closed loops.
         v : (N, nv) array
             Velocities.
-        tau : (N, n_actuated) array
-            Forces of the actuated joints [N or N m].
+        tau : (N, n_actuated) array, or mapping of str to (N,) array
+            Forces of the actuated joints [N or N m]; by name, those of the others are zero.
         external : mapping of str to (6,) or (N, 6) array, optional
             Wrenches that act on frames, as in `forward_dynamics`.
         joint_forces : (nv,) or (N, nv) array, optional

@@ -38,6 +38,69 @@ def guess(loop: ClosedLoopModel, s: float = 1.0) -> np.ndarray:
     return q
 
 
+@pytest.mark.parametrize("s", [1.0, 1e3])  # the larger one is computed in a unit of its own
+def test_rates_and_forces_by_name_are_those_in_order(s):
+    loop, q = hexapod(s), guess(hexapod(s), s)
+    names, at = list(loop.actuated), loop.actuated_v
+    values = loop.assemble(None, q).q[[loop.model.idx_qs[loop.model.getJointId(name)] for name in names]]
+    velocity, acceleration, tau = np.arange(1.0, 19.0).reshape(3, 6) * s / 10
+    plain = loop.complete(values, velocity, acceleration, q)
+    for turned in (names, names[::-1]):
+        by_name = [
+            {name: row[names.index(name)] for name in turned} for row in (values, velocity, acceleration, tau)
+        ]
+        for target in (by_name[0], values):
+            state = loop.complete(target, by_name[1], by_name[2], q)
+            np.testing.assert_allclose(state.v[at], velocity, rtol=1e-9)
+            np.testing.assert_allclose(state.a, plain.a, rtol=0, atol=1e-9 * np.abs(plain.a).max())
+        with_array = loop.complete(by_name[0], [by_name[1][name] for name in turned], by_name[2], q)
+        np.testing.assert_array_equal(with_array.v, loop.complete(*by_name[:3], q).v)
+        rows = [{name: np.array([x, 2 * x]) for name, x in part.items()} for part in by_name[1:3]]
+        many = loop.complete_batch(np.tile(values, (2, 1)), *rows, guess=q)
+        np.testing.assert_allclose(many.v[:, at], [velocity, 2 * velocity], rtol=1e-9)
+        np.testing.assert_allclose(many.a[:, at], [acceleration, 2 * acceleration], rtol=1e-9)
+        found = loop.forward_dynamics(plain.q, plain.v, by_name[3]).a
+        np.testing.assert_array_equal(found, loop.forward_dynamics(plain.q, plain.v, tau).a)
+    one = loop.forward_dynamics(plain.q, plain.v, {names[2]: 3.0}).a  # the others are off
+    np.testing.assert_array_equal(one, loop.forward_dynamics(plain.q, plain.v, [0, 0, 3.0, 0, 0, 0]).a)
+    state = np.tile(plain.q, (2, 1)), np.tile(plain.v, (2, 1))
+    batch = loop.forward_dynamics_batch(*state, {names[2]: np.array([3.0, 0.0])}).a
+    np.testing.assert_array_equal(batch, [one, loop.forward_dynamics(plain.q, plain.v, np.zeros(6)).a])
+
+
+@pytest.mark.parametrize(
+    ("target", "velocity", "message"),
+    [
+        ({"left_joint": 1.9}, {"left_jont": 1.0}, "velocity: no joint 'left_jont' is asked for; "),
+        (
+            {"left_joint": 1.9},
+            {"left_joint": 1.0, "right_joint": 1.0},
+            "velocity: no joint 'right_joint' is asked for; ",
+        ),
+        (
+            [1.9, 1.2],
+            {"left_joint": 1.0},
+            "velocity: expected a value of each joint, got none of right_joint",
+        ),
+        ([1.9, 1.2], {"left_joint": "x", "right_joint": 1.0}, "velocity left_joint: expected real numbers"),
+        (None, {"left_joint": 1.0}, "velocity: expected an array, got names; these belong to a target of"),
+        (FrameTarget("left_tip", PLACE), {"left_joint": 1.0}, "velocity: expected an array, got names"),
+        ([{"left_joint": 1.9}], {"left_joint": 1.0}, "velocity: expected an array, got names"),
+    ],
+)
+def test_wrong_rates_by_name_are_one_error(target, velocity, message):
+    loop = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
+    with pytest.raises(InputError, match=message):
+        loop.complete(target, velocity, [0.0, 0.0])
+    with pytest.raises(InputError, match=message.replace("velocity", "acceleration")):
+        loop.complete(target, [0.0, 0.0], velocity)
+    with pytest.raises(InputError, match="tau: no joint 'left' is asked for; known: left_joint, right"):
+        loop.forward_dynamics(robots.five_bar_q(1.9, 1.2), np.zeros(4), {"left": 1.0})
+    rates = {"left_joint": np.zeros(2), "right_joint": np.zeros(3)}
+    with pytest.raises(InputError, match="velocity: expected a number of each joint, or arrays of one len"):
+        loop.complete_batch([[1.9, 1.2]] * 2, rates, np.zeros((2, 2)))
+
+
 @pytest.mark.parametrize("s", [1.0, 1e3])
 def test_several_targets_at_once(s):
     """Height and tilt of the platform, and slides by name: all as asked, with their velocities."""
