@@ -51,8 +51,8 @@ class RobotForces(Limited, Tabular):
 
     def crossing(self) -> Stop | None:
         """Return where closures first become dependent, also between samples."""
-        steps = pairwise(zip(self.time, self.q, strict=True))
-        return next(filter(None, (_dependent(self.loop, *step) for step in steps)), None)
+        steps, rank = pairwise(zip(self.time, self.q, strict=True)), _regular_rank(self.loop)
+        return next(filter(None, (_dependent(self.loop, rank, *step) for step in steps)), None)
 
     def to_columns(self) -> dict[str, FloatArray]:
         """Return times, forces of the actuated joints, and all joints, (N,) each, by name and unit."""
@@ -155,12 +155,21 @@ def through_ranges(
     return None
 
 
+def _regular_rank(robot: ClosedLoopModel) -> int:
+    """Return the rank of the closures where they are not singular."""
+    return robot.rank(robot.regular_configuration)
+
+
 def _dependent(
-    robot: ClosedLoopModel, one: tuple[float, FloatArray], other: tuple[float, FloatArray], left: int = 40
+    robot: ClosedLoopModel,
+    rank: int,
+    one: tuple[float, FloatArray],
+    other: tuple[float, FloatArray],
+    left: int = 40,
 ) -> Stop | None:
     """Return where closures become dependent: their Jacobian changes its orientation, however near."""
     (start, low), (end, high) = one, other
-    if closure_conditioning(robot, high, robot.rank(robot.regular_configuration)) < DEPENDENT:
+    if closure_conditioning(robot, high, rank) < DEPENDENT:
         return Stop(SINGULAR, float(end), GROWING)
     if not left or orientation(robot.closure_jacobian(low), robot.closure_jacobian(high), RANK_TOLERANCE) > 0:
         return None
@@ -168,7 +177,8 @@ def _dependent(
         middle = (start + end) / 2, robot.assemble(guess=pin.interpolate(robot.model, low, high, 0.5)).q
     except AssemblyError:
         return None  # samples too far apart to tell
-    return _dependent(robot, one, middle, left - 1) or _dependent(robot, middle, other, left - 1)
+    halves = (one, middle), (middle, other)
+    return next(filter(None, (_dependent(robot, rank, *half, left - 1) for half in halves)), None)
 
 
 def _settled(before: FloatArray, after: FloatArray) -> bool:
@@ -241,7 +251,7 @@ def _forces_at(
     for k in filter(None, states.errors):  # at most one: it stopped there
         with suppress(AssemblyError):
             there = time[k], robot.assemble(values[k], states.q[k - 1]).q
-            if (stop := _dependent(robot, there, there)) is not None:
+            if (stop := _dependent(robot, _regular_rank(robot), there, there)) is not None:
                 raise DynamicsError(str(stop)) from states.errors[k]
     _require(states.errors, time)
     motion, acting = (states.q, states.v, states.a), loads.over(time - curve.time[0])

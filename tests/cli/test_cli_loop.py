@@ -26,6 +26,7 @@ from p3dof.loops.compiled.build import compiler
 from p3dof.loops.tables import overview
 from p3dof.loops.writers.urdf import texts
 from p3dof.runs import ControlLoop, Integration, JointComputedTorque, JointReference, gains, simulate_robot
+from p3dof.runs.forces_along import forces_along
 from p3dof.viewer.document.encoding import decoded
 from p3dof.viewer.headless import as_image
 
@@ -449,6 +450,14 @@ def test_generated_code_tells_what_it_leaves_out(capsys, tmp_path, five_bar):
             "joints free."
         ],
     ]
+
+
+def test_what_is_regular_is_asked_once_for_all_steps_of_a_motion(five_bar, motion, monkeypatch):
+    robot, asked, rank = p3dof.load_robot(five_bar), [], ClosedLoopModel.rank
+    found = forces_along(robot, motion, samples=101)
+    monkeypatch.setattr(ClosedLoopModel, "rank", lambda self, q: asked.append(q) or rank(self, q))
+    assert found.crossing() is None
+    assert len(asked) == 1
 
 
 def test_a_motion_that_the_robot_cannot_make(capsys, tmp_path):
