@@ -197,7 +197,7 @@ def compare_designs(
     *,
     duration: float | None = None,
     fastest: bool = False,
-    drives: Drive | Sequence[Drive] | Mapping[str, Sequence[Drive]] | None = None,
+    drives: Drive | Sequence[Drive] | Mapping[str, Drive | Sequence[Drive]] | None = None,
     bearings: Bearings | None = None,
     stiffness: Stiffness | None = None,
     load_friction: LoadFriction | None = None,
@@ -222,9 +222,9 @@ def compare_designs(
         Time of each task, dwells included [s].
     fastest : bool
         Do each task as fast as each machine's own limits allow.
-    drives : iterable of Drive, optional
-        Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them; or, by name, those of
-        each design.
+    drives : Drive, sequence of Drive, or mapping of str to one of these, optional
+        Such as a `p3dof.design.drives.Catalogue`: each design gets the best of them; or, by the names of
+        designs, those of each.
     bearings, stiffness, rest, brake_safety, per_axis, life, frictionless
         As of `assess`.
     load_friction : LoadFriction, optional
