@@ -702,7 +702,8 @@ class ClosedLoopModel(LoopModel):
         ----------
         around : (nq,) or (K, nq) array, optional
             Closed configurations that the partition is made for; by default around the reference
-            configuration.
+            configuration. Singular ones, such as dead centres, are left out; regular ones nearby take their
+            place where no other is given.
         external : iterable of str
             Frames on which external wrenches will act.
         joint_forces : bool

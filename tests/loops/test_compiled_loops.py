@@ -4,6 +4,7 @@ import pickle
 import warnings
 from dataclasses import replace
 
+import closed_loop_robots as robots
 import closed_trees as trees
 import numpy as np
 import pinocchio as pin
@@ -698,6 +699,22 @@ def test_how_far_a_motion_may_open_closures(v, a, size):
     for opening in ([0.05, -0.02], [3.0, 4.0]):
         expected = 0.01 * size - float(np.dot(opening, opening))
         assert limits.stays_closed(Tape(), opening, 0.1, v, a) == pytest.approx(expected, rel=1e-13)
+
+
+def test_dead_centres_among_several_configurations_are_left_out():
+    """As one alone: the partition is that of the regular ones, or of regular ones beside them."""
+    loop = ClosedLoopModel.from_urdf(robots.slider_crank(), robots.SLIDER_CRANK_SIDECAR)
+    dead, one, two = np.zeros(3), *(loop.around({"crank_joint": x}).assemble().q for x in (1.0, 1.3))
+    same = {"dead": [[dead], [dead, dead]], "regular": [[one, two], [dead, one, two], [one, dead, two]]}
+    for kind, each in same.items():
+        made = [loop.compile(around=around, level="numpy") for around in each]
+        assert [compiled.independent for compiled in made] == [("slide",)] * len(made)
+        assert len({tuple(compiled.margin(q) for q in (one, two)) for compiled in made}) == 1, kind
+    many = loop.compile(around=[one, dead, two], level="numpy")
+    motion = loop.complete([-0.05], [0.3], [0.2], one)
+    expected = loop.inverse_dynamics(motion.q, motion.v, motion.a).tau
+    found = many.inverse_dynamics(motion.q[None], motion.v[None], motion.a[None]).tau
+    np.testing.assert_allclose(found[0], expected, rtol=1e-10)
 
 
 def test_arguments_that_do_not_fit_are_told_in_one_line():

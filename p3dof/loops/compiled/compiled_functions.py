@@ -19,7 +19,7 @@ from p3dof.loops.compiled.function import BoundFunction, Function, Kernel
 from p3dof.loops.compiled.functions import FUNCTIONS
 from p3dof.loops.compiled.printing import lanes_source
 from p3dof.loops.compiled.results import Tangents
-from p3dof.loops.compiled.robot import CompiledRobot, closed_configurations, robot_of
+from p3dof.loops.compiled.robot import CompiledRobot, closed_configurations, regular_of, robot_of
 from p3dof.loops.loop_model import LoopModel
 from p3dof.loops.minimal import coordinate_names
 
@@ -319,4 +319,8 @@ def _configurations(loop: LoopModel, around: ArrayLike | None) -> list[FloatArra
     gaps = [np.abs(loop.closure_error(q)).max(initial=0.0) for q in rows]
     if max(gaps) > CLOSED:
         raise InputError(f"around: configuration {int(np.argmax(gaps))} is open by {max(gaps):.3g} m or rad")
-    return [np.array(q) for q in rows] if len(rows) > 1 else closed_configurations(loop, np.array(rows[0]))
+    near = closed_configurations(loop, np.array(rows[0]))
+    if len(rows) == 1:
+        return near
+    near, regular = regular_of(loop, near, [np.array(q) for q in rows])
+    return regular or near  # as for one: where all are singular, regular ones beside them

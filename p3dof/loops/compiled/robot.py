@@ -108,8 +108,6 @@ def _different(what: str, names: Iterable[str]) -> list[str]:
 
 def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> list[FloatArray]:
     """Return closed configurations around one, always the same, all regular; fewer if not found."""
-    from p3dof.loops.tables import overview
-
     found, draw = [np.array(start)], np.random.default_rng(seed)
     for _ in range(4 * SAMPLES):
         if len(found) == SAMPLES:
@@ -125,5 +123,17 @@ def closed_configurations(loop: LoopModel, start: FloatArray, seed: int = 0) -> 
             found.append(np.array(loop.assemble(None, guess=pin.integrate(loop.model, base, shift)).q))
         except AssemblyError:
             continue
-    ranks = [(seen.rank, seen.held) for seen in (overview(loop, q) for q in found)]
-    return [q for q, rank in zip(found, ranks, strict=True) if rank == max(ranks)]
+    return regular_of(loop, found)[0]
+
+
+def regular_of(loop: LoopModel, *groups: Sequence[FloatArray]) -> list[list[FloatArray]]:
+    """Return the regular ones of each group: of the largest rank, and held by most motors, in all of them."""
+    from p3dof.loops.tables import overview
+
+    seen = [[overview(loop, q) for q in group] for group in groups]
+    ranks = [[(each.rank, each.held) for each in group] for group in seen]
+    most = max(rank for group in ranks for rank in group)
+    return [
+        [q for q, rank in zip(group, of_group, strict=True) if rank == most]
+        for group, of_group in zip(groups, ranks, strict=True)
+    ]
