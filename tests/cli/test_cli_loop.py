@@ -15,6 +15,7 @@ from browser import find_chromium
 from command_line import run
 from documents import ROOT
 from gallery import GALLERY, gallery
+from other_robots import load, others
 from PIL import Image
 
 import p3dof
@@ -23,7 +24,7 @@ from p3dof._base.quantities import FORCE, MOMENT
 from p3dof.cli.kinds import Amount, require_unit
 from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.loops.compiled.build import compiler
-from p3dof.loops.tables import overview
+from p3dof.loops.tables import doubtful_units, overview
 from p3dof.loops.writers.urdf import texts
 from p3dof.runs import ControlLoop, Integration, JointComputedTorque, JointReference, gains, simulate_robot
 from p3dof.runs.forces_along import forces_along
@@ -450,6 +451,60 @@ def test_generated_code_tells_what_it_leaves_out(capsys, tmp_path, five_bar):
             "joints free."
         ],
     ]
+
+
+def in_units(robot, length=1.0, inertia=1.0, mass=1.0):
+    """A robot whose file has numbers in other units: so many of them are a metre, a kg m² and a kg."""
+    model = robot.model.copy()
+    for i in range(model.njoints):
+        body, place = model.inertias[i], model.jointPlacements[i]
+        model.jointPlacements[i] = pin.SE3(place.rotation, length * place.translation)
+        model.inertias[i] = pin.Inertia(mass * body.mass, length * body.lever, inertia * body.inertia)
+    for frame in model.frames:
+        frame.placement = pin.SE3(frame.placement.rotation, length * frame.placement.translation)
+    return ClosedLoopModel(model, robot.sidecar)
+
+
+PLAIN = sorted(
+    [*GALLERY.glob("*.urdf"), *(ROOT / "docs/benchmark/robots").glob("*.urdf"), ROOT / "urdf/p3dof.urdf"]
+)
+
+
+@pytest.mark.parametrize("path", PLAIN, ids=lambda path: path.stem)
+def test_units_are_in_doubt_of_no_plain_robot_and_of_each_in_millimetres(path):
+    robot = p3dof.load_robot(path)
+    assert doubtful_units(robot) == []
+    (told,) = doubtful_units(in_units(robot, 1e3, 1e6))
+    assert told.startswith("are lengths in millimetres?")
+    if path.stem != "linear_delta":  # its bodies fix no distance, so that it says less
+        (told,) = doubtful_units(in_units(robot, 1e3))  # the inertias are right
+        assert told.startswith("are lengths in millimetres?")
+        for inertias, masses in ((1e6, 1.0), (1e9, 1e3)):  # kg mm², or g and g mm²
+            (told,) = doubtful_units(in_units(robot, 1.0, inertias, masses))
+            assert told.startswith("are inertias in kg mm²?")
+
+
+@pytest.mark.parametrize("name", others())
+def test_units_are_in_doubt_of_none_of_other_people_s_robots(name):
+    assert doubtful_units(load(name)) == []
+
+
+def test_what_speaks_for_millimetres_is_told(capsys, tmp_path):
+    """A rod of 1.3 kg whose end is 250 m away; its loop closes."""
+    path = tmp_path / "large.urdf"
+    large = in_units(gallery("four_bar"), 1e3, 1e6)
+    for file, text in zip((path, path.with_suffix(".yaml")), texts(large), strict=True):
+        file.write_text(text)
+    (tmp_path / "m.csv").write_text("t,crank_joint\n0,0.5\n1,0.6\n")
+    options = {"info": (), "forces": ("--motion", tmp_path / "m.csv"), "simulate": ("--duration", 0.01)}
+    heaviest = max(range(1, large.model.njoints), key=lambda i: large.model.inertias[i].mass)
+    told = f"body after {large.model.names[heaviest]} has {large.model.inertias[heaviest].mass:.3g} kg"
+    for command, more in options.items():
+        code, out, err = loop(capsys, command, path, *more)
+        words = " ".join((out + err).split())
+        assert code == 0
+        assert "are lengths in millimetres? They are read in metres" in words
+        assert told in words
 
 
 def test_what_is_regular_is_asked_once_for_all_steps_of_a_motion(five_bar, motion, monkeypatch):
