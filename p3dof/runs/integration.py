@@ -64,7 +64,7 @@ class Watch:
         before = self._values(start, dense(start))
         for low, high in pairwise(pieces(start, end)):
             after = self._values(high, dense(high))
-            changed = np.flatnonzero((before != 0) & (before * after <= 0))
+            changed = np.flatnonzero((before != 0) & (np.sign(before) * after <= 0))
             found = [
                 (
                     float(brentq(lambda t, i=i: self._values(t, dense(t))[i], low, high)),

@@ -155,6 +155,13 @@ def test_events_are_noted_in_steps_that_hold_no_sample():
     assert run.events[0].time == pytest.approx(0.25, abs=1e-9)
 
 
+def test_an_event_whose_value_fades_without_end_never_happens():
+    fading = Event("fading", lambda t, _q, _v: np.exp(-1e5 * t), stops=False)
+    run = simulate_robot(slider(), 0.006, controller=[3.0], events=[fading], samples=3, method="general")
+    assert run.finished
+    assert run.events == ()
+
+
 @pytest.mark.parametrize(
     ("event", "words"),
     [
