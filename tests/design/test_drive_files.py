@@ -31,6 +31,7 @@ from p3dof.design.drives import (
 )
 from p3dof.design.drives.catalogue import _INNER, _KINDS, _PAIRS, _UNITS, dump, unit_of
 from p3dof.design.drives.makers import ENCODINGS
+from p3dof.design.drives.transmission import LEAD_GRADES
 
 RPM = math.pi / 30
 SCHEMA = json.loads(PATH.read_text(encoding="utf-8"))
@@ -119,6 +120,7 @@ def test_the_reference_has_every_field_with_its_unit_and_its_default():
         place = next(path for path in expected if inner in (path, path.rpartition(".")[2]))
         expected |= {f"{place}.{item.name}" for item in fields(cls)}
     assert set(rows()) == expected, f"a field is a row in {PAGE.name}"
+    assert re.findall(r"`([PT]\d+)`", PAGE.read_text(encoding="utf-8")) == list(LEAD_GRADES)
     written = {"kg m^2": "kg m²", "m/s^2": "m/s²", "m/s^3": "m/s³"}
     for path, (_, unit, default) in rows().items():
         name = path.rpartition(".")[2]
