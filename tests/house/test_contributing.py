@@ -72,6 +72,11 @@ def test_the_tables_that_are_named_are_there():
     assert len(folders) >= 8
     for folder in folders:
         assert (ROOT / folder).exists(), folder
+    sources = [
+        f"/{path.relative_to(ROOT)}" for room in ("p3dof", "tests") for path in (ROOT / room).rglob("*.py")
+    ]
+    for name in re.findall(r"`([\w/]+\.py)`", CONTRIBUTING):
+        assert any(path.endswith(f"/{name}") for path in sources), name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
