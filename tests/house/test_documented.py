@@ -7,6 +7,7 @@ Elsewhere: names of Python (`test_examples.py`), options (`test_help.py`), varia
 from __future__ import annotations
 
 import builtins
+import importlib
 import re
 from types import ModuleType
 
@@ -38,6 +39,24 @@ def test_the_modules_that_are_stable_are_those_that_the_package_offers():
     assert [name for name in p3dof.__all__ if name.startswith("_")] == ["__version__"]
     for name in offered:
         assert [one for one in getattr(p3dof, name).__all__ if one.startswith("_")] == [], name
+
+
+def test_what_is_named_with_its_module_is_there():
+    files = {"c", "h", "mjs", "sdf", "srdf", "urdf", "usda", "wasm", "yaml"}
+    sources = {path: path.read_text("utf-8") for path in (ROOT / "p3dof").rglob("*.py")}
+    for path, text in {**BY_HAND, **sources}.items():
+        for name in re.findall(r"`(p3dof(?:\.\w+)+)[`(]", text):
+            assert name.rpartition(".")[2] in files or _named(name) is not None, (path.name, name)
+
+
+def _named(name):
+    """What a name with its module is; None if there is no such thing."""
+    module, _, last = name.rpartition(".")
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        owner = _named(module) if module else None
+        return getattr(owner, last, None) or getattr(owner, "__dataclass_fields__", {}).get(last)
 
 
 def test_what_pages_import_is_public():

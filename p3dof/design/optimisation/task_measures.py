@@ -2,9 +2,8 @@
 
 Measures of a motion are taken over each part of a task with what is carried there, and put together: the
 worst part, the root of the mean square over time, or the sum; then the worst task, or the weighted mean.
-Those of drives and bearings are those of `p3dof.size_drives` and `p3dof.design.bearing_life`, with margins,
-surroundings and required life of the catalogue; their
-gradients are central differences.
+Those of drives and bearings are those of `p3dof.size_drives` and `p3dof.design.bearings.bearing_life`, with
+margins, surroundings and required life of the catalogue; their gradients are central differences.
 """
 
 from __future__ import annotations
