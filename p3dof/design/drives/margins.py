@@ -117,16 +117,21 @@ def margins_of(given: Mapping[str, Any], where: str = "margins") -> Margins:
 
 def share_of(what: str, value: Any) -> float:
     """Return a share from 0 to below 1; a text may be in percent. Or raise DriveError."""
-    if isinstance(value, str):
-        digits = value.strip()
-        try:
-            value = float(digits.rstrip("%")) / (100 if digits.endswith("%") else 1)
-        except ValueError:
-            raise DriveError(f"{what}: expected a share such as 0.2 or '20 %', got {shown(value)}") from None
-    number = not_negative(what, value, DriveError)
+    number = not_negative(what, in_percent(what, value, "0.2 or '20 %'"), DriveError)
     if number >= 1:
         raise DriveError(f"{what}: expected less than 1, got {number:g}: a margin is a share, or in %")
     return number
+
+
+def in_percent(what: str, value: Any, example: str) -> Any:
+    """Return the share that a text says, perhaps in percent; what is no text as it is."""
+    if not isinstance(value, str):
+        return value
+    digits = value.strip()
+    try:
+        return float(digits.rstrip("%")) / (100 if digits.endswith("%") else 1)
+    except ValueError:
+        raise DriveError(f"{what}: expected a share such as {example}, got {shown(value)}") from None
 
 
 @dataclass(frozen=True)

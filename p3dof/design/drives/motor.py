@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, shown
 from p3dof._base.errors import DriveError
-from p3dof.design.drives.margins import Ambient, derated, table_share
+from p3dof.design.drives.margins import Ambient, derated, in_percent, table_share
 
 
 def above_zero(what: str, value: Any) -> float:
@@ -38,12 +38,7 @@ def above_zero(what: str, value: Any) -> float:
 
 def share(what: str, value: Any, zero: bool = False) -> float:
     """Return a number up to 1 and above 0, or 0 too; texts may be in percent. Or raise DriveError."""
-    if isinstance(value, str):
-        digits = value.strip()
-        try:
-            value = float(digits.rstrip("%")) / (100 if digits.endswith("%") else 1)
-        except ValueError:
-            raise DriveError(f"{what}: expected a share such as 0.9 or '90 %', got {shown(value)}") from None
+    value = in_percent(what, value, "0.9 or '90 %'")
     number = not_negative(what, value, DriveError) if zero else above_zero(what, value)
     if number > 1:
         raise DriveError(f"{what}: expected at most 1, got {number:g}")
@@ -55,6 +50,16 @@ def set_worth(part: Any, where: str) -> None:
     for name in ("cost", "mass"):
         if getattr(part, name) is not None:
             object.__setattr__(part, name, not_negative(f"{where}: {name}", getattr(part, name), DriveError))
+
+
+def _set_one_each(part: Any, where: str, *groups: Sequence[str]) -> None:
+    """Check that exactly one number of each group is given, above zero."""
+    for names in groups:
+        given = [name for name in names if getattr(part, name) is not None]
+        if len(given) != 1:
+            got = " and ".join(given) or "none"
+            raise DriveError(f"{where}: expected exactly one of {', '.join(names)}, got {got}")
+        object.__setattr__(part, given[0], above_zero(f"{where}: {given[0]}", getattr(part, given[0])))
 
 
 def text(what: str, value: Any) -> str:
@@ -107,12 +112,7 @@ class Winding:
             )
         if not isinstance(self.field_weakening, bool):
             raise DriveError("winding: field_weakening: expected true or false")
-        for names in (_CONSTANTS, _CURRENTS):
-            given = [name for name in names if getattr(self, name) is not None]
-            if len(given) != 1:
-                got = " and ".join(given) or "none"
-                raise DriveError(f"winding: expected exactly one of {', '.join(names)}, got {got}")
-            set_(self, given[0], above_zero(f"winding: {given[0]}", getattr(self, given[0])))
+        _set_one_each(self, "winding", _CONSTANTS, _CURRENTS)
 
     @property
     def peak_flux(self) -> float:
@@ -193,12 +193,7 @@ class Amplifier:
 
     def __post_init__(self) -> None:
         where = text("amplifier: name", self.name)
-        for names in (_RATED, _CURRENTS):
-            given = [name for name in names if getattr(self, name) is not None]
-            if len(given) != 1:
-                got = " and ".join(given) or "none"
-                raise DriveError(f"{where}: expected exactly one of {', '.join(names)}, got {got}")
-            object.__setattr__(self, given[0], above_zero(f"{where}: {given[0]}", getattr(self, given[0])))
+        _set_one_each(self, where, _RATED, _CURRENTS)
         for name in ("max_current_time", "max_power", "max_voltage"):
             if getattr(self, name) != math.inf:
                 object.__setattr__(self, name, above_zero(f"{where}: {name}", getattr(self, name)))

@@ -42,6 +42,7 @@ from p3dof.design.drives.transmission import (
     Drive,
     Rack,
     Screw,
+    passed,
 )
 from p3dof.machine.parameters import LEGS
 
@@ -378,12 +379,9 @@ class _Axis:
         heating, hottest = (math.nan, math.nan) if constant is None else self._heating(constant)
         rms_speed = self._mean_square(self._turning, 0.0) ** 0.5
         rms = self._mean_square(self._torque, self._holding) ** 0.5
-        nut_power = self._force * self._speed
         slow = drive.transmission
         bare = self._force / slow.ratio
-        back = float(slow.efficiency_back or 0.0)
-        before = bare * np.where(nut_power > 0, 1 / slow.efficiency, np.where(nut_power < 0, back, 1.0))
-        loss = (before - bare) * slow.ratio * self._speed
+        loss = (passed(self._force * self._speed, bare, slow) - bare) * slow.ratio * self._speed
         nut = self._nut()
         return AxisLoads(
             peak_torque=float(self._torque[top]),
@@ -634,9 +632,8 @@ def _of_teeth(slow: Screw | Belt, force: float, when: float) -> list[Rating]:
     found, safety, told = [], slow.static_safety, ""
     if isinstance(slow, Screw):
         if slow.static is not None:
-            if safety is None:
-                safety, told = STATIC_SAFETY, f"static safety {STATIC_SAFETY:g}, without impact"
-            found.append(Rating("static load", force, slow.static / safety, "N", when, assumed=told))
+            told = f"static safety {STATIC_SAFETY:g}, without impact" if safety is None else ""
+            found.append(Rating("static load", force, slow.static_limit, "N", when, assumed=told))
         return found
     if slow.max_force < math.inf:
         rack = isinstance(slow, Rack)

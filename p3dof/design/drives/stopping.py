@@ -22,7 +22,7 @@ from p3dof._base.tables import NONE, Table, number, table_of
 from p3dof.design.drives.motor import above_zero
 from p3dof.design.drives.sizing import Rating
 from p3dof.design.drives.transmission import Drive, Screw
-from p3dof.machine.parameters import LEGS, Actuators, Friction, Parameters
+from p3dof.machine.parameters import LEGS, SLIDES, Actuators, Friction, Parameters
 from p3dof.manipulator import Manipulator
 from p3dof.methods import Method
 
@@ -140,13 +140,10 @@ class _Stops:
 
 def _machine(parameters: Parameters, armature: FloatArray | None, friction: bool) -> Manipulator:
     """Return a machine with other rotors, perhaps without friction."""
-    rotors = {} if armature is None else dict(zip(_SLIDES, armature.tolist(), strict=True))
+    rotors = {} if armature is None else dict(zip(SLIDES, armature.tolist(), strict=True))
     own: Actuators = replace(parameters.actuators, armature=rotors)
     kept = parameters.friction if friction else Friction()
     return Manipulator(replace(parameters, actuators=own, friction=kept))
-
-
-_SLIDES = ("slide_a", "slide_b", "slide_c")
 
 
 def _controlled(piece: Instants, drives: Sequence[Drive], ramp: StopRamp) -> _Stops:

@@ -415,24 +415,21 @@ class Drive(Readable):
         speed, acceleration : ndarray, shape (...)
             Of the slider [m/s, m/s²].
         """
-        slow, gear = self.transmission, self.gear
-        at_screw = _passed(force * speed, force / slow.ratio, slow)
-        at_screw = at_screw + float(slow.inertia or 0.0) * slow.ratio * acceleration
-        at_screw = at_screw + slow.drag * np.sign(speed)
-        at_motor = _passed(at_screw * speed, at_screw / gear.ratio, gear)
+        at_screw = self.screw_torque(force, speed, acceleration)
+        at_motor = passed(at_screw * speed, at_screw / self.gear.ratio, self.gear)
         own = self.fast_inertia * self.ratio * acceleration + self.motor.drag * np.sign(speed)
         return np.asarray(at_motor + own)
 
     def screw_torque(self, force: FloatArray, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return the torque at the output of the gear, arguments as of `torque`, in (...) [N m]."""
         slow = self.transmission
-        found = _passed(force * speed, force / slow.ratio, slow)
+        found = passed(force * speed, force / slow.ratio, slow)
         return np.asarray(
             found + float(slow.inertia or 0.0) * slow.ratio * acceleration + slow.drag * np.sign(speed)
         )
 
 
-def _passed(power: FloatArray, torque: FloatArray, stage: Screw | Belt | Gear) -> FloatArray:
+def passed(power: FloatArray, torque: FloatArray, stage: Screw | Belt | Gear) -> FloatArray:
     """Return the torque before a stage, given that behind it without losses, and the sign of the power."""
     back = float(stage.efficiency_back or 0.0)
     return np.asarray(torque * np.where(power > 0, 1 / stage.efficiency, np.where(power < 0, back, 1.0)))
