@@ -5,8 +5,8 @@ As the kernels of `p3dof.closed_form.compiled.formulas`, without margins, traced
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ import numpy as np
 from p3dof._base.algebra import Vector
 from p3dof._base.checks import FloatArray
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives
-from p3dof._base.tracing.printing import function_of
 from p3dof._base.tracing.tape import in_pairs
 from p3dof.closed_form.compiled import reduced
 from p3dof.closed_form.compiled.formulas import (
@@ -40,18 +39,10 @@ _Rows = dict[str, Symbol]
 class LaneKernel(Kernel):
     """A kernel whose constants may be columns, one machine a lane."""
 
-    @cached_property
-    def prepare_columns(self) -> Callable[..., tuple[Any, ...]]:
-        """The constants of many machines from their numbers that are symbols here, by name of `MODEL`."""
-        given = [number for number in self.model if isinstance(number, Symbol)]
-        return function_of(self.tape, given, self.constants, np)
-
     def columns(self, model: Sequence[FloatArray], count: int) -> FloatArray:
         """Return the constants of many machines, shape (count, C)."""
-        pairs = zip(self.model, model, strict=True)
         with np.errstate(all="ignore"):  # what is no machine is told where the run starts
-            found = self.prepare_columns(*(value for name, value in pairs if isinstance(name, Symbol)))
-        return np.column_stack([np.broadcast_to(value, count) for value in found])
+            return self.of_columns(model, count)
 
 
 def _place(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
