@@ -242,7 +242,7 @@ def _follow(robot: ClosedLoopModel, prefix: str, functions: Sequence[Function]) 
         motors=str(len(home)),
         dt=repr(1.0 / _RATE),
         tolerance=repr(_TOLERANCE),
-        loads="".join("NULL, " for _ in list(motion.inputs)[3:]),
+        loads="NULL, " * (len(motion.inputs) - 3),
     )
 
 
@@ -715,7 +715,7 @@ class LoopPrinter:
         told = "\n".join(f" * {line}".rstrip() for line in self._orders())
         time = _SAME_TIME if self.maps is None else _BOUNDED_TIME
         text = fill("loop_header.in", **shared, told=told, time=time, declarations="\n".join(declared))
-        return text if self.precision is DOUBLE else self.precision.code(text)
+        return self.precision.code(text)
 
     def source(self) -> str:
         """Return the functions."""
@@ -742,7 +742,7 @@ class LoopPrinter:
             functions="\n".join(calls).rstrip(),
             **_position_limits(self.robot, self.precision.largest),
         )
-        return text if self.precision is DOUBLE else self.precision.code(text)
+        return self.precision.code(text)
 
     def cuda(self) -> str:
         """Return the functions for a GPU."""
@@ -1118,7 +1118,7 @@ def loop_files(
     if coordinates is not None:
         transmission = robot.transmission(coordinates, actuators, "numpy")
         robot = transmission.robot
-    kind = DOUBLE if precision == "double" else precision_of(precision)
+    kind = precision_of(precision)
     if kind is SINGLE and (transmission is None or functions is not None or observer or estimator):
         raise InputError("float: single precision is for --coordinates alone, without other functions")
     if kind is SINGLE and cuda:
