@@ -11,7 +11,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import zip_longest
 from typing import Any, TypeAlias
 
 from p3dof._base.checks import is_number, with_point
@@ -85,7 +84,6 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _WRITTEN = re.compile(rf"\s*({_NUMBER})\s*([^\d\s.,+-].*?)\s*\Z", re.ASCII | re.DOTALL)
 _FACTOR = re.compile(r"([A-Za-zµ°Ω]+)\^?(-?[1-9])?\Z")
 _LONGEST = 60  # longest text that is taken for a number with a unit [characters]
-_BASE = 5  # units of which all others are products
 _DEEPEST = 3  # how long a list of numbers may be, in each direction
 
 
@@ -166,7 +164,7 @@ def unit_of(text: str) -> tuple[Powers, Fraction] | None:
                 return None
             count = sign * int(match[2] or 1)
             base, scale = _UNITS[match[1]]
-            powers = [p + count * b for p, b in zip_longest(powers, base, fillvalue=0)]
+            powers = [p + count * b for p, b in zip(powers, base, strict=True)]
             factor *= scale**count
     return (powers[0], powers[1], powers[2], powers[3], powers[4]), factor
 

@@ -773,8 +773,6 @@ _ALL: tuple[Any, ...] = (*OF_MOTION, FASTEST, *OF_POSES, *OF_SOLIDS, *OF_RODS, *
 MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ALL}
 """What designs can be optimised for, and bounded in, by name."""
 
-ABOUT: Mapping[str, str] = {measure.name: measure.about for measure in _ALL}  # what each is, in a line
-
 
 def measure_of(given: Any, where: str) -> Measure:
     """Return a measure of its name, or one's own as it is."""

@@ -20,7 +20,7 @@ Automation 1997 (filters of both sides).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, positive
 from p3dof._base.errors import AssemblyError, InputError, MotionError, SampleError
+from p3dof._base.threads import slices
 from p3dof._base.time_series.smoothing import Smooth, checked, fitted
 from p3dof.loops.identification.forces import IdentifiableForces, Rows, States
 from p3dof.loops.identification.logs import (
@@ -654,7 +655,7 @@ def _piece(
         columns, known = np.zeros((len(at), m, P)), np.zeros((len(at), m))
         thin = max(1, int(2 * half / np.median(np.diff(time)) / _WITHIN))
         own = [_windows(time[::thin], at, half, kept[::thin, j])[0] for j in range(m)]
-        for block in _blocks(len(time[::thin])):
+        for block in slices(len(time[::thin]), _BLOCK):
             some = forces.rows(forces.from_actuators(*motion.at(time[::thin][block])))
             for j in range(m):
                 part = own[j][:, block]
@@ -674,11 +675,6 @@ def _piece(
     reversal = _from_reversals(time, motion)
     nearest = np.stack([np.interp(at, time, reversal[:, j]) for j in range(m)], axis=-1)
     return SampledLog(at, states, rows, measured, np.zeros(m), 1.0, nearest, 0.0)
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    for start in range(0, count, _BLOCK):
-        yield slice(start, min(start + _BLOCK, count))
 
 
 def _windows(
