@@ -231,8 +231,7 @@ def _per_ampere(
         if currents:
             raise InputError(
                 f"{source}: {CURRENT}{currents[0]} is a current: give constants, the force per ampere "
-                "of each "
-                "actuator [N/A or N m/A]"
+                "of each actuator [N/A or N m/A]"
             )
         return {}
     if isinstance(constants, Mapping):
@@ -269,8 +268,7 @@ def usable(log: MotorLog, units: Sequence[Kind]) -> Usable:
         if not np.ptp(force) > 0:
             raise InputError(
                 f"{log.source}: the force of {name} is constant, {force[0]:g} {unit.force}: is its "
-                "sensor connected, "
-                "its column the right one?"
+                "sensor connected, its column the right one?"
             )
         if not np.ptp(log.positions[:, j]) > 0:
             remarks.append(
@@ -353,8 +351,7 @@ def _pieces(log: MotorLog, remarks: list[str]) -> tuple[slice, ...]:
         remarks.append(
             f"{log.source} has {many} from t = {log.time[worst]:.4g} to {log.time[worst + 1]:.4g} s "
             f"({steps[worst] / np.median(steps):.0f} steps): the pieces beside it are taken by "
-            "themselves; look "
-            "for lost messages"
+            "themselves; look for lost messages"
         )
     ends = [0, *(holes + 1).tolist(), len(log)]
     return tuple(slice(a, b) for a, b in pairwise(ends))

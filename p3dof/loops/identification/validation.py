@@ -319,14 +319,12 @@ def _prior_told(found: Identification) -> list[str]:
     if factor > _NARROW:
         return [
             f"the prior is too narrow: what the forces show differs from the design by {factor:.2g} "
-            "times what it "
-            "expects; widen it, or look for an error of the design"
+            "times what it expects; widen it, or look for an error of the design"
         ]
     if factor < _WIDE:
         return [
             f"the prior is too wide: what the forces show differs from the design by {factor:.2g} of "
-            "what it expects; "
-            "narrow it, and parameters that the forces hardly show become surer"
+            "what it expects; narrow it, and parameters that the forces hardly show become surer"
         ]
     return []
 
@@ -362,8 +360,7 @@ def parameters_table(found: Identification, all_of_them: bool = False) -> Table:
     header = ("parameter", "unit", "design", "identified", "standard deviation", "seen")
     note = (
         "Seen: how much of the doubt about it the forces removed. Others stay near the design; "
-        "forces need not "
-        "show single bodies, combinations of them do for predictions."
+        "forces need not show single bodies, combinations of them do for predictions."
     )
     return table_of("Parameters that the forces show", header, rows, note, "list")
 
