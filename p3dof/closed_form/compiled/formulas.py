@@ -115,7 +115,7 @@ def is_symmetric(model: Model) -> bool:
 
 
 def _inverse(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
-    state = _state(rows)
+    state = state_of(rows)
     x = reduced.shape(model, state.y, state.theta, tape)
     forces = reduced.actuator_forces(model, x, state, tape, _wrench(rows))
     return [*forces, reduced.margin(model, x, tape, [*forces, rows["z"], rows["vz"]])]
@@ -168,7 +168,7 @@ def _derivatives(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Numb
 
 
 def _forward(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
-    state, forces = _state(rows), (rows["f_a"], rows["f_b"], rows["f_c"])
+    state, forces = state_of(rows), (rows["f_a"], rows["f_b"], rows["f_c"])
     x = reduced.shape(model, state.y, state.theta, tape)
     found = reduced.forward_dynamics(model, x, state, forces, tape, _wrench(rows))
     return [*found, reduced.margin(model, x, tape, [*found, rows["z"], rows["vz"]], held=False)]
@@ -251,7 +251,8 @@ def kernel(name: str, symmetric: bool = False) -> Kernel:
     return Kernel(full_name, tape, (*model, *friction), inputs, (*outputs, "margin"), symbols, tuple(results))
 
 
-def _state(rows: dict[str, Symbol]) -> State:
+def state_of(rows: dict[str, Symbol]) -> State:
+    """Return the state that rows have by its names; zero where they have none."""
     return State(*(rows.get(name, 0) for name in State._fields))
 
 

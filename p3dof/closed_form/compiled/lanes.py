@@ -21,15 +21,16 @@ from p3dof.closed_form.compiled.formulas import (
     FORCES,
     MODEL,
     POSE,
+    SLIDERS,
     VELOCITY,
     WRENCH,
     Kernel,
     less_friction,
+    state_of,
 )
-from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Model, Shape, State
+from p3dof.closed_form.compiled.reduced import SMALLER_ZEROS, Model, Shape
 from p3dof.closed_form.compiled.reduced.dynamics import FRICTION
 
-SLIDERS = ("slide_a", "slide_b", "slide_c")
 SPEEDS = ("speed_a", "speed_b", "speed_c")
 COSINES = ("cos_a", "cos_b", "cos_c", "cos_54")
 
@@ -64,7 +65,7 @@ def _motion(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     """Return accelerations."""
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
     forces, wrench = tuple(rows[name] for name in FORCES), tuple(rows[name] for name in WRENCH)
-    return list(reduced.forward_dynamics(model, x, _state(rows), forces, tape, wrench))  # type: ignore[arg-type]
+    return list(reduced.forward_dynamics(model, x, state_of(rows), forces, tape, wrench))  # type: ignore[arg-type]
 
 
 def _motion_with_friction(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
@@ -111,7 +112,7 @@ def _torque(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
 def _inverse(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
     x = reduced.shape(model, rows["y"], rows["theta"], tape)
     wrench: Any = tuple(rows.get(name, 0) for name in WRENCH)
-    return list(reduced.actuator_forces(model, x, _state(rows), tape, wrench))
+    return list(reduced.actuator_forces(model, x, state_of(rows), tape, wrench))
 
 
 def _inverse_with_friction(tape: Tape, model: Model, rows: _Rows) -> list[Number]:
@@ -130,10 +131,6 @@ def _cosines(tape: Tape, model: Model, x: Shape) -> list[Number]:
     iu = 1 / tape.sqrt(x.u2)
     share = 1 / model.L
     return [x.Sa * share, x.Sb * share, x.Sc * iu, (x.arm * x.Sc) * ((1 / model.r) * iu)]
-
-
-def _state(rows: _Rows) -> State:
-    return State(*(rows.get(name, 0) for name in State._fields))
 
 
 _STATE = (*POSE, *VELOCITY)
