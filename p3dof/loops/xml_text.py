@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import shutil
@@ -23,6 +24,14 @@ from p3dof._base.files import MAX_BYTES, called, read_text, reason
 MAX_DEPTH = 100  # deepest nesting of XML elements that is read; a URDF needs six
 MAX_ATTRIBUTES = 100  # most of an element: urdfdom's time grows with the square of their number
 MAX_ELEMENTS = 200_000  # most elements of a file
+
+
+def number_of(word: str) -> float:
+    """Return the number that a word is, as C's readers have it; NaN for none."""
+    try:
+        return float(word) if word.isascii() and "_" not in word else math.nan
+    except ValueError:
+        return math.nan
 
 
 def read_xml(source: str | os.PathLike[str], what: str = "URDF") -> tuple[str, str]:

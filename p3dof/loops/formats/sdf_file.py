@@ -27,7 +27,7 @@ import pinocchio as pin
 from p3dof._base.checks import LARGEST, FloatArray, one_line, shown
 from p3dof.loops.formats.urdf import MAX_LINKS
 from p3dof.loops.sidecar import suggestion
-from p3dof.loops.xml_text import MAX_DEPTH, XmlReader, folder_below_which, is_text, read_xml
+from p3dof.loops.xml_text import MAX_DEPTH, XmlReader, folder_below_which, is_text, number_of, read_xml
 
 BALL = "drake:ball_constraint"
 _AXIS = ("xyz", "use_parent_model_frame", "dynamics", "limit", "mimic")
@@ -166,14 +166,6 @@ class SdfText(XmlReader):
         if not abs(length - 1) < _UNIT:
             self.bad(element, f"expected a quaternion of length 1, got {length:g}")
         return pin.SE3(pin.Quaternion(values[3:] / length).matrix(), values[:3])
-
-
-def number_of(word: str) -> float:
-    """Return the number that a word is; NaN for none."""
-    try:
-        return float(word) if word.isascii() and "_" not in word else math.nan
-    except ValueError:
-        return math.nan
 
 
 def first(parent: Xml.Element, tag: str) -> Xml.Element | None:

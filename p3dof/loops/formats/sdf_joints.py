@@ -19,10 +19,10 @@ from p3dof.loops.formats.sdf_file import (
     SdfRobot,
     SdfText,
     first,
-    number_of,
     relative_to,
 )
 from p3dof.loops.formats.urdf import SHORT
+from p3dof.loops.xml_text import number_of
 
 _JOINT_AXES = (1, 5)  # the first version whose axes are in the axes of the joint
 _UNIT = 1e-15  # how far the length of a direction may be from 1

@@ -32,7 +32,7 @@ from p3dof.loops.coordinates import losses_of, with_armature
 from p3dof.loops.formats.urdf_loops import Declared, closing_pairs, declared, tying_parameters, tying_plugins
 from p3dof.loops.sidecar import Sidecar, SidecarLike, names_beside, sidecar_of, suggestion
 from p3dof.loops.trees import NewJoint, with_joints
-from p3dof.loops.xml_text import XmlReader, is_text, read_xml
+from p3dof.loops.xml_text import XmlReader, is_text, number_of, read_xml
 
 MAX_LINKS = 1000  # most links: on a chain of a few thousand, Pinocchio's reader overflows the stack
 MAX_FREEDOMS = 200
@@ -186,7 +186,7 @@ class _LinkReader(XmlReader):
             if name not in attributes and not {(above, tag), (above, name)} & _REQUIRED:
                 continue
             text = attributes.get(name, "")
-            values = [_number(word) for word in text.split()]
+            values = [number_of(word) for word in text.split()]
             # urdfdom drops the whole <inertial> when white space follows a single number
             trailing = count == 1 and text != text.rstrip()
             if trailing or len(values) != count or not all(map(math.isfinite, values)):
@@ -203,13 +203,6 @@ class _LinkReader(XmlReader):
     def _turns(self) -> bool:
         """Whether the joint needs an axis: CAD exporters give fixed ones a zero axis."""
         return self._joint is None or self._joint.kind not in ("fixed", "floating")
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word) if word.isascii() and "_" not in word else math.nan  # as urdfdom does
-    except ValueError:
-        return math.nan
 
 
 def _check_parts(reader: _LinkReader, robot: Xml.Element) -> None:
@@ -515,7 +508,7 @@ def state_of(source: str | os.PathLike[str], state: str | None, joints: Collecti
                     f"{name}: group state {shown(wanted)}: the joint {shown(called)} does not exist; "
                     f"{suggestion(called, joints)}"
                 )
-            numbers = [_number(word) for word in joint.get("value", "").split()]
+            numbers = [number_of(word) for word in joint.get("value", "").split()]
             if not numbers or not all(map(math.isfinite, numbers)):
                 raise ModelError(
                     f"{name}: group state {shown(wanted)}, joint {shown(called)}: expected numbers, got "
