@@ -265,8 +265,6 @@ class LocalSensitivity(ShownInNotebook, Tabular):
         Their numbers, in SI units.
     gradient : ndarray, shape (d,)
         Derivative of the figure by each, in SI units.
-    normalised : ndarray, shape (d,)
-        By how many percent the figure changes when the parameter grows by one percent.
     """
 
     _row_name = "parameter"
