@@ -225,6 +225,14 @@ def test_a_maker_s_own_table_goes_first():
     assert motor.heat_share(Ambient(90, 500)) == pytest.approx(0.8, rel=1e-14)
 
 
+def test_what_a_maker_has_no_table_of_is_by_the_heat_of_one_body():
+    of_height = Motor(1.0, 3.0, 400.0, 1e-4, derating_altitude=[[1000, 1], [3000, 0.9]])
+    of_heat = Motor(1.0, 3.0, 400.0, 1e-4, derating_temperature=[[40, 1], [50, 0.8]])
+    assert of_height.heat_share(Ambient(60, 2000)) == pytest.approx(0.95 * math.sqrt(0.8), rel=1e-14)
+    assert of_heat.heat_share(Ambient(45, 3000)) == pytest.approx(0.9 * math.sqrt(0.8), rel=1e-14)
+    assert of_height.heat_share(Ambient(20, 0)) == of_heat.heat_share(Ambient(20, 0)) == 1.0
+
+
 def test_the_assessment_tells_margins_place_and_what_is_assumed():
     robot = p3dof.load()
     result = robot.inverse_dynamics(p3dof.paper_motion(101), method="compiled")

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -258,7 +258,7 @@ class Motor(Readable):
         Temperature of the air up to which its ratings hold [°C].
     derating_temperature, derating_altitude : sequence of (value, share), optional
         The maker's own shares of the continuous torque, by temperature of the air [°C] and by altitude [m],
-        straight between their points; they go before the physics of one body.
+        straight between their points; each stands for its part of the physics of one body.
     winding : Winding, optional
         What its drive's voltage lets it give: less than the curve says at high speeds. Without a curve, the
         peak torque then holds up to the fastest speed as far as the winding allows.
@@ -366,13 +366,14 @@ class Motor(Readable):
 
     def heat_share(self, ambient: Ambient) -> float:
         """Return the share of the continuous torque at standstill that a place leaves; at most 1."""
-        tables = (
-            (self.derating_temperature, ambient.temperature),
-            (self.derating_altitude, ambient.altitude),
-        )
-        if all(table is None for table, _ in tables):
-            return min(1.0, ambient.heat_share(self.temperature_rise, self.rated_ambient))
-        return math.prod(min(1.0, table_share(table, value)) for table, value in tables if table is not None)
+        left, share = ambient, 1.0
+        if self.derating_temperature is not None:
+            share *= min(1.0, table_share(self.derating_temperature, ambient.temperature))
+            left = replace(left, temperature=self.rated_ambient)
+        if self.derating_altitude is not None:
+            share *= min(1.0, table_share(self.derating_altitude, ambient.altitude))
+            left = replace(left, altitude=0.0)
+        return share * min(1.0, left.heat_share(self.temperature_rise, self.rated_ambient))
 
     def _check_currents(self, where: str) -> None:
         """Raise if currents cannot be told from torques, or in two ways."""
