@@ -239,6 +239,11 @@ class Side(CompiledFunctions):
         self.names = tuple(names)
         idle = _idle(loop, self.names, given, self.others)
         super().__init__(loop, _spread(loop, self.names), level=level, given=given, idle=idle)
+        if not set(given) <= set(self.independent_places):
+            raise ModelError(
+                f"transmission: {', '.join(self.names)} do not determine the motion: the loops lock the "
+                "linkage but at singular configurations, such as the one where it stands"
+            )
         self.settle = Settler(self)
 
     def function(self, name: str) -> Function:

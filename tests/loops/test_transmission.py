@@ -641,6 +641,24 @@ def test_sides_that_do_not_determine_each_other_are_told():
     )
 
 
+def test_a_linkage_that_is_locked_but_where_it_stands_is_told():
+    """A triangle of three joints, one of them a ball, drawn flat: it can move there alone."""
+    model, body = pin.Model(), pin.Inertia(1.0, np.zeros(3), 0.01 * np.eye(3))
+    for parent, kind, x in (
+        (0, pin.JointModelRY(), 0.0),
+        (1, pin.JointModelSpherical(), 0.2),
+        (0, pin.JointModelRY(), 0.5),
+    ):
+        model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])), "abc"[model.njoints - 1])
+        model.appendBodyToJoint(model.njoints - 1, body, pin.SE3.Identity())
+    for name, carrier, x in (("rod", 2, 0.1), ("rocker", 3, -0.2)):
+        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+        model.addFrame(pin.Frame(name, carrier, 0, place, pin.FrameType.OP_FRAME))
+    flat = ClosedLoopModel(model, Sidecar(closures=[p3dof.Closure("rod", "rocker", "6d")], actuated=["a"]))
+    with pytest.raises(ModelError, match="transmission: a do not determine the motion: the loops lock"):
+        flat.transmission(["a"])
+
+
 def test_bad_arguments_are_told(made):
     one = made("ankle")
     q = one.home
