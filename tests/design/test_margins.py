@@ -1,6 +1,9 @@
 """Margins, derating, speeds of nuts: worked numbers, makers' tables, and the right reasons."""
 
 import math
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +14,23 @@ from p3dof._base.errors import DriveError
 from p3dof.design.drives import (
     VERDICTS,
     Ambient,
+    Belt,
     Catalogue,
     Cycle,
     Drive,
+    Gear,
     Margins,
     Motor,
+    Rack,
     Screw,
     caveats,
+    margins,
     margins_of,
     size_of,
     verdict,
 )
+from p3dof.design.drives.sizing import speed_ratings
+from p3dof.design.optimisation import task_measures
 from p3dof.design.tasks.files import parse
 
 RPM = math.pi / 30
@@ -164,6 +173,27 @@ def test_every_rating_has_its_margin():
     assert all(hasattr(given, name.replace(" ", "_")) for name in shares)
     limits = {one.name: one.limit / one.allowed for one in found.axes[0].ratings}
     assert limits["peak torque"] == pytest.approx(0.7, rel=1e-15)
+
+
+OF_STOPS = {"brake energy of a stop"}  # the energy that the maker allows has its own safety
+
+
+def test_every_name_of_a_rating_in_the_source_has_a_margin():
+    """A rating without a field would have no margin, and none could be asked for."""
+    folder = Path(margins.__file__).parent
+    source = "".join(path.read_text(encoding="utf-8") for path in folder.glob("*.py"))
+    names = {*re.findall(r'Rating\(\s*"([^"]+)"', source), "rack speed", "rack force", "belt force"}
+    assert {"speed", "line power", "life"} <= names
+    fields = {name.replace("_", " ") for name in Margins.__annotations__}
+    assert names - OF_STOPS <= fields
+
+
+def test_ratings_of_speed_are_those_that_designs_by_tasks_count():
+    screw = Screw(0.01, inertia=0.0, nominal_diameter=0.016, diameter=0.013, length=0.8, ends="fixed-free")
+    slow = Belt(0.05, max_speed=50.0), Rack(0.05, max_speed=50.0), screw, replace(screw, max_speed=100.0)
+    drives = [Drive(M400, one, Gear(2.0, max_speed=300.0)) for one in slow]
+    names = {one.name for drive in drives for one in speed_ratings(drive, 100.0)}
+    assert names == set(task_measures._OF_SPEED)
 
 
 # --- heat and height --------------------------------------------------------------------------------------

@@ -188,6 +188,8 @@ def test_belts_and_racks():
     assert rack.assumed == "static safety 1.4"
     assert ratings(Rack(0.05, max_force=700.0, static_safety=2.0))["rack force"].allowed == 350.0
     assert not set(TEETH) & set(ratings(Belt(0.05)))
+    assert ratings(Belt(0.05, max_speed=100.0))["belt speed"].allowed == pytest.approx(100 * 30 / math.pi)
+    assert ratings(Rack(0.05, max_speed=100.0))["rack speed"].allowed == pytest.approx(100 * 30 / math.pi)
 
 
 TEETH = ("belt force", "pretension", "belt tension", "rack force")

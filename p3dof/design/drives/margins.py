@@ -82,6 +82,7 @@ class Margins(Readable):
     belt_force: float = 0.0
     belt_tension: float = 0.0
     pretension: float = 0.0
+    rack_speed: float = 0.0
     rack_force: float = 0.0
     buckling: float = 0.0
     life: float = 0.0

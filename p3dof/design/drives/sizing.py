@@ -610,12 +610,13 @@ def _of_motor_and_gear(drive: Drive, speed: float, when: float) -> list[Rating]:
 
 
 def _of_turning(drive: Drive, speed: float, when: float) -> list[Rating]:
-    """Return what a speed of the motor uses of screw or belt."""
+    """Return what a speed of the motor uses of screw, belt or rack."""
     slow, turns, found = drive.transmission, speed / drive.gear.ratio, []
     if isinstance(slow, Screw):
         found += _of_nut(slow, turns, when)
     elif slow.max_speed < math.inf:
-        found.append(Rating("belt speed", turns, _RPM * slow.max_speed, "rpm", when))
+        name = "rack speed" if isinstance(slow, Rack) else "belt speed"
+        found.append(Rating(name, turns, _RPM * slow.max_speed, "rpm", when))
     if slow.critical_speed < math.inf:
         found.append(Rating("critical speed", turns, _RPM * WHIRL * slow.critical_speed, "rpm", when))
     return found

@@ -58,6 +58,7 @@ _OF_SPEED = (
     "DN",
     "critical speed",
     "belt speed",
+    "rack speed",
 )  # ratings that speeds of sliders alone decide
 
 
