@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, not_negative, positive, require, shown
-from p3dof._base.errors import InputError, MissingExtraError, ParameterError
+from p3dof._base.errors import InputError, MissingExtraError, OptimisationError, ParameterError
 from p3dof._base.files import Source, called, parse_yaml, read_text
 from p3dof._base.quantities import ANGLE, LENGTH, Quantity
 from p3dof._base.tables import (
@@ -83,7 +83,7 @@ _BLOCK = 200  # samples whose corners are in the memory at a time
 _MOST = 60_000  # distances that are computed between samples at most
 _GRID = (9, 9, 3)  # poses of a workspace along y, θ and z
 _STARTS = 3  # poses of the grid that each pair is followed from
-_SHRINKS, _SMALLEST = 40, 1e-7
+_MOVES, _SMALLEST = 2_000, 1e-7  # of a pair, each to the best of its neighbours or to half the step
 
 
 @dataclass(frozen=True)
@@ -825,6 +825,8 @@ def clearance_over(
         If an argument does not fit.
     MissingExtraError
         If coal is not installed.
+    OptimisationError
+        If the least distance of some parts was not found.
     """
     require("robot", robot, Manipulator)
     space = robot.workspace() if space is None else space
@@ -889,10 +891,10 @@ def _followed(
     """
     stencil = np.array([one for one in product((-1.0, 0.0, 1.0), repeat=3) if any(one)])
     sizes = np.ones(len(places))
-    for _ in range(8 * _SHRINKS):
+    for _ in range(_MOVES):
         going = np.flatnonzero(sizes > _SMALLEST)
         if not len(going):
-            break
+            return least, poses
         tried = places[going, None] + sizes[going, None, None] * step * stencil
         tried[..., 2] = np.clip(tried[..., 2], 0.0, 1.0)
         there = _poses(space, tried.reshape(-1, 3))
@@ -907,7 +909,7 @@ def _followed(
                 poses[k] = there.reshape(*tried.shape)[row, best[row]]
             else:
                 sizes[k] /= 2
-    return least, poses
+    raise OptimisationError(f"no least distance of parts was found in {_MOVES} steps")
 
 
 def clearance_table(found: Clearance, most: int | None = 12) -> Table:
