@@ -649,13 +649,13 @@ def test_report_has_the_clearance_as_a_rating_and_a_figure(folder, capsys, least
     assert f"--clearance={float(least.split()[0]) / 1e3!r}" in page
 
 
-@pytest.mark.usefixtures("folder")
 def test_a_least_distance_that_was_not_found_is_an_error(robot, monkeypatch):
     monkeypatch.setattr(clearance_module, "_MOVES", 3)
     with pytest.raises(OptimisationError, match="no least distance of parts was found in 3 steps"):
         clearance_over(robot, robot.workspace(Limits(tilt=(-0.1, 0.1))), grid=(3, 3, 2))
 
 
+@pytest.mark.usefixtures("folder")
 def test_workspace_finds_where_parts_come_nearest(capsys):
     asked = ["workspace", "--travel", "100 mm", "--tilt", "10 deg", "--surroundings", "around.yaml"]
     assert main([*asked, "--clearance", "0", "--json"]) == 1
