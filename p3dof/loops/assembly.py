@@ -680,11 +680,11 @@ class TargetMotions(Workspace):
         solve, influence, determined = self._solution(closures, A, target)
         b = np.concatenate((np.zeros(k.size), velocity))
         v = solve(b)
-        self._check("velocity", A.dot(v) - b, b, v)
+        self._check("velocity", A.dot(v) - b, b, v, closures)
         k.move(q, v)
         b = np.concatenate((-k.acceleration(), acceleration - target.drift()))
         a = solve(b)
-        self._check("acceleration", A.dot(a) - b, b, a)
+        self._check("acceleration", A.dot(a) - b, b, a, closures)
         for array in (v, a, influence):
             array.setflags(write=False)
         return State(**vars(assembly), v=v, a=a, determined=determined, influence=influence)
@@ -715,13 +715,20 @@ class TargetMotions(Workspace):
         of_target = split.weights[np.count_nonzero(partition.rows < count) :]
         return bool(partition.left[-1] < count and np.abs(of_target).max(initial=0.0) <= _FOLLOWS)
 
-    def _check(self, what: str, error: FloatArray, b: FloatArray, x: FloatArray) -> None:
+    def _check(
+        self, what: str, error: FloatArray, b: FloatArray, x: FloatArray, closures: ClosurePoint
+    ) -> None:
         if error.dot(error) <= ACCURACY**2:
             return  # less than what is always allowed
         worst = max_abs(error)
         if not worst <= ACCURACY * max(1.0, max_abs(b), max_abs(x)):
+            asked, free = len(b) - self.kinematics.size, self.model.nv - closures.svd.rank
+            told = f"; {asked} values are prescribed at a mobility of {free}: they have to fit each other"
+            unit = "m/s or rad/s" if what == "velocity" else "m/s² or rad/s²"
             raise AssemblyError(
-                f"the closed mechanism cannot have this {what}: {worst:.3g} is left over", worst
+                f"the closed mechanism cannot have this {what}: {worst:.3g} {unit} is left over"
+                + told * (asked > free),
+                worst,
             )
 
 

@@ -162,7 +162,8 @@ class BatchTree:
 
 
 _WITH_UNIT = re.compile(
-    r"(\d[-+.\de]*) (m or rad|m/s² or rad/s²|N or N m|\(SI units\))|(?<=expected at most )(\d[-+.\de]*)(?=;)"
+    r"(\d[-+.\de]*) (m or rad|m/s or rad/s|m/s² or rad/s²|N or N m|\(SI units\))"
+    r"|(?<=expected at most )(\d[-+.\de]*)(?=;)"
 )
 
 

@@ -32,6 +32,10 @@ _SHOWN, _FRAMES = 4.0, 201  # how long a motion through the ranges is [s], and h
 _SHARE, _SHRINKINGS = 0.6, 14  # how much of each range it begins with, and how often it becomes smaller
 _MOST_TURN = 1.2  # how far a motor turns to either side at most [rad]
 _NEAR_SINGULAR = 3.0  # how many times faster than at home joints may move with the motors
+_STARTS_SINGULAR = (
+    "the motion starts at a singular configuration, whose forces are not determined; p3dof loop info and "
+    "regular_configuration give a regular one near the reference"
+)
 _AT_REST = 1e-2  # share of its largest speed below which a joint is at rest
 
 
@@ -94,7 +98,12 @@ def forces_along(
         for frame, wrench in (external or {}).items()
     }
     told, loads = (*known, *_ends(robot, curve)), (Loads(robot, external), method)
-    idle = overview(robot, robot.assemble(curve.values[0]).q).idle
+    seen = overview(robot, robot.assemble(curve.values[0]).q)
+    idle = seen.idle
+    if idle and robot.generic_rank is not None:
+        regular = overview(robot, robot.regular_configuration)
+        if (seen.rank, seen.held) < (regular.rank, regular.held):
+            raise DynamicsError(_STARTS_SINGULAR)
     if equilibrium and not idle:
         raise InputError("--equilibrium: the robot has no passive degrees of freedom")
     if idle and len(curve.time) > 1:

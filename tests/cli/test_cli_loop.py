@@ -453,6 +453,36 @@ def test_generated_code_tells_what_it_leaves_out(capsys, tmp_path, five_bar):
     ]
 
 
+def test_a_motion_that_starts_where_forces_are_not_determined_is_refused(capsys, tmp_path):
+    """All joints in one line: motors leave more free than anywhere else, and nothing is passive."""
+    path = tmp_path / "flat.urdf"
+    path.write_text(robots.flat_parallelogram(), encoding="utf-8")
+    path.with_suffix(".yaml").write_text(robots.PARALLELOGRAM_SIDECAR.to_yaml(), encoding="utf-8")
+    (name,) = robots.PARALLELOGRAM_SIDECAR.actuated
+    for values, expected in (((0.0, 0.1), 1), ((0.1, 0.2), 0)):
+        (tmp_path / "m.csv").write_text(f"t,{name}\n" + "".join(f"{t},{x}\n" for t, x in enumerate(values)))
+        code, _, err = loop(capsys, "forces", path, "--motion", tmp_path / "m.csv")
+        assert code == expected
+        assert err.startswith("p3dof: error: the motion starts at a singular configuration") == bool(expected)
+
+
+def test_motors_that_do_not_fit_each_other_are_told(capsys, tmp_path):
+    """Twice the motors of a four-bar, which move against its coupler curve."""
+    path = tmp_path / "two.urdf"
+    path.write_text(robots.four_bar(0.5, 0.2, 0.45, 0.35))
+    sidecar = Sidecar(robots.FOUR_BAR_SIDECAR.closures, ("crank_joint", "rocker_joint"))
+    path.with_suffix(".yaml").write_text(sidecar.to_yaml())
+    crank, _, rocker = map(float, robots.four_bar_q(0.7, 0.5, 0.2, 0.45, 0.35))
+    rows = "".join(f"{t},{crank + 0.01 * t},{rocker}\n" for t in range(3))
+    (tmp_path / "m.csv").write_text(f"t,crank_joint,rocker_joint\n{rows}")
+    code, _, err = loop(capsys, "forces", path, "--motion", tmp_path / "m.csv")
+    assert code == 1
+    words = (
+        r"this velocity: \S+ m/s or rad/s is left over; 2 values are prescribed at a mobility of 1: they have"
+    )
+    assert re.search(words, err)
+
+
 def in_units(robot, length=1.0, inertia=1.0, mass=1.0):
     """A robot whose file has numbers in other units: so many of them are a metre, a kg m² and a kg."""
     model = robot.model.copy()

@@ -130,7 +130,9 @@ def test_a_motion_that_the_mechanism_cannot_have_is_told_with_what_is_left(robot
     with pytest.raises(AssemblyError, match=f"cannot have this {what}") as caught:
         complete(1e-3)
     left = caught.value.gap
-    assert told(caught, "# is left over")[0] == pytest.approx(left, rel=5e-3)
+    unit = "m/s or rad/s" if what == "velocity" else "m/s² or rad/s²"
+    found = told(caught, f"# {unit} is left over", "; # values are prescribed at", "mobility of #")
+    assert found == pytest.approx([left, 4, robot.loop.mobility(robot.loop.assemble().q)], rel=5e-3)
     assert 1e-5 < left <= 1e-3
     complete(0.999e-9 * 1e-3 / left)
     with pytest.raises(AssemblyError):
