@@ -195,6 +195,12 @@ def doubts(loop: LoopModel, seen: Overview) -> list[str]:
             "and forces are not determined at the reference; "
             f"a regular one near it, for --around or 'reference' of the sidecar: {near}"
         )
+    every = sum(size == 1 for size in loop.model.nvs)
+    if not (loop.constraint_rows or loop.sidecar.bushings) and len(loop.actuated) == every:
+        found.append(
+            "no loop closures are known: this is an open chain. A URDF has them, and which joints are "
+            "actuated, in a sidecar: FILE.yaml beside FILE.urdf, or the second argument"
+        )
     axial = [closure.name for closure in loop.sidecar.closures if closure.kind in _AXIAL]
     if axial and seen.mobility < max(1, len(loop.actuated)):
         found.append(

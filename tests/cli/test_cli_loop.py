@@ -74,6 +74,15 @@ def test_info_tells_mobility_and_what_is_left_open(capsys, five_bar):
     assert "left_elbow" not in short
 
 
+def test_a_robot_without_its_sidecar_is_told_to_be_an_open_chain(capsys, five_bar):
+    words = "no loop closures are known: this is an open chain"
+    assert words not in " ".join(loop(capsys, "info", five_bar)[1].split())
+    five_bar.with_suffix(".yaml").unlink()
+    code, out, _ = loop(capsys, "info", five_bar)
+    assert code == 0
+    assert words in " ".join(out.split())
+
+
 def test_idle_joints_and_redundant_closures_are_found():
     model = ClosedLoopModel.from_urdf(robots.five_bar(), robots.FIVE_BAR_SIDECAR)
     seen = overview(model, robots.five_bar_q(1.9, 1.2))
