@@ -54,7 +54,7 @@ class CompiledFunctions:
             level = "numpy"
         self.level = level  # instructions that are used
         self._loop, self._threads = (loop.copy(), thread_count(threads))
-        start = _configurations(self._loop, around)
+        start = _configurations(self._loop, around, given is None)
         self._around = start
         self._robot = robot_of(self._loop, start, external, joint_forces, inertias, given, idle)
         self.followed: tuple[int, ...] = self._robot.independent if given is None else tuple(given)
@@ -310,7 +310,8 @@ class CompiledFunctions:
         return Tangents(joined, edges)
 
 
-def _configurations(loop: LoopModel, around: ArrayLike | None) -> list[FloatArray]:
+def _configurations(loop: LoopModel, around: ArrayLike | None, by_motors: bool) -> list[FloatArray]:
+    """Return configurations that pivots are chosen for; those that the motors move, if they are to."""
     if around is None:
         return closed_configurations(loop, loop.regular_configuration)
     rows = frozen_array("around", np.atleast_2d(as_floats("around", around)), ("K", loop.model.nq))
@@ -319,8 +320,11 @@ def _configurations(loop: LoopModel, around: ArrayLike | None) -> list[FloatArra
     gaps = [np.abs(loop.closure_error(q)).max(initial=0.0) for q in rows]
     if max(gaps) > CLOSED:
         raise InputError(f"around: configuration {int(np.argmax(gaps))} is open by {max(gaps):.3g} m or rad")
-    near = closed_configurations(loop, np.array(rows[0]))
+    several = [np.array(q) for q in rows]
+    if len(rows) > 1 and not by_motors:
+        return several
+    near = closed_configurations(loop, several[0])
     if len(rows) == 1:
         return near
-    near, regular = regular_of(loop, near, [np.array(q) for q in rows])
+    near, regular = regular_of(loop, near, several)
     return regular or near  # as for one: where all are singular, regular ones beside them
