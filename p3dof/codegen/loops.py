@@ -1110,13 +1110,17 @@ def loop_files(
     observer: bool = False,
     cuda: bool = False,
     estimator: bool = False,
+    transmission: Transmission[ClosedLoopModel] | None = None,
 ) -> LoopCode:
-    """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission."""
+    """Return the C of a robot's dynamics; with coordinates, that of their linkage and its transmission.
+
+    Who has made that transmission before may give it instead, by NumPy and of the robot as it is.
+    """
     if not robot.model.nv:
         raise ModelError("robot: expected one with joints, this one has none: nothing moves")
-    transmission = None
     if coordinates is not None:
         transmission = robot.transmission(coordinates, actuators, "numpy")
+    if transmission is not None:
         robot = transmission.robot
     kind = precision_of(precision)
     if kind is SINGLE and (transmission is None or functions is not None or observer or estimator):

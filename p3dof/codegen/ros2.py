@@ -68,9 +68,7 @@ def ros2_files(
     tree, names = _described(description or urdf.texts(robot)[0], shapes)
     joints = _joints(made.robot.model, names)
     _split(tree, joints)
-    code = loop_files(
-        made.robot, name, ["completion"], coordinates=made.coordinates, actuators=made.actuators
-    )
+    code = loop_files(made.robot, name, ["completion"], transmission=made)
     fingerprint = re.search(r"robot ([0-9a-f]+)", code.files[f"{name}.h"])
     note = f"{MARK}` ({__version__}, robot {fingerprint[1] if fingerprint else '?'}): do not edit."
     every = [part for joint in joints for part in joint.parts]

@@ -459,7 +459,9 @@ class Transmission(Generic[LoopT]):
                 "actuator of its own is one), or lock joints"
             )
         self.joint = Side(self.robot, self.coordinates, self.actuators, level)  # from the coordinates
-        self.actuator = Side(self.robot, self.actuators, self.coordinates, level)  # from the actuators
+        self.actuator = self.joint  # from the actuators: the same where these are the coordinates
+        if self.actuators != self.coordinates:
+            self.actuator = Side(self.robot, self.actuators, self.coordinates, level)
         bare = _bare(self.robot, self.coordinates)
         self.bare = Side(
             bare, self.coordinates, self.actuators, level
