@@ -46,6 +46,7 @@ from p3dof.design.drives import (
 )
 from p3dof.design.drives.margins import verdict_of
 from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, RATING_COLUMNS, WHIRL
+from p3dof.design.drives.tables import FALLS
 from p3dof.design.fastest import unseen_limits, uses_of_task
 from p3dof.design.forces_of_tasks import (
     USUAL_FRICTION,
@@ -120,6 +121,8 @@ class RatingUse:
     @property
     def amounts(self) -> str:
         """What is required of what is allowed, in words."""
+        if self.required == math.inf:
+            return FALLS
         if self.share == math.inf:
             return f"{short(self.required)} {self.unit} where none is permissible"
         required, allowed = self.figures
@@ -258,7 +261,7 @@ class Assessment(ShownInNotebook, Tabular):
         if self.fits:
             return f"{words}, {one.amounts} {one.when}"
         if one.share == math.inf:
-            much = f"takes {one.amounts}"
+            much = f"{'has' if one.required == math.inf else 'takes'} {one.amounts}"
         else:
             much = f"has a utilisation of {percent(one.share, 0)}, {one.amounts}"
         keeps = f"; {1 - one.margin:.0%} keep the margin"
@@ -288,7 +291,6 @@ class Assessment(ShownInNotebook, Tabular):
         if self.drives is not None:
             told += [*caveats(self.drives), *_of_brakes(self.drives), *_of_preloads(self.drives)]
             told += self.ambient.warnings
-            told += [*_of_brakes(self.drives), *_of_preloads(self.drives)]
         return (*told, *(() if self.bearings is None else self.bearings.warnings))
 
     @cached_property

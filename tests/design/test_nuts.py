@@ -22,7 +22,9 @@ from p3dof.design.drives import (
     Rack,
     RequiredLife,
     Screw,
+    caveats,
     cycle_of,
+    not_checked,
     nuts_table,
     read_catalogue,
     required_life,
@@ -142,6 +144,27 @@ def test_drag_of_the_preload(nominal, lead, preload, drag):
     assert screw.drag == pytest.approx(drag, rel=5e-6)
     assert Screw(lead, inertia=0.0, nominal_diameter=nominal, dynamic=1e4, drag=0.2).drag == 0.2
     assert Screw(lead, inertia=0.0, dynamic=1e4).drag == 0.0
+
+
+def test_what_is_said_of_the_drag_where_only_the_designation_is_known(paper):
+    """A name such as 16x5 has a diameter, which limits the speed; the drag is zero, and that is said."""
+    own = {"inertia": 1e-5, "name": "M 16x5", "dynamic": 9000.0}
+    screw = Screw(0.005, **own)
+    assert (screw.drag, screw.preload_force) == (0.0, 450.0)
+    assert screw.sold_diameter == (0.016, "nominal diameter of M 16x5 by its designation, for its speed only")
+    words = "drag of the preload of M 16x5 (no drag, no nominal_diameter in the file)"
+    for given, silent in (
+        ({}, False),
+        ({"nominal_diameter": 0.016}, True),
+        ({"drag": 0.05}, True),
+        ({"preload": 0.0}, True),
+    ):
+        found = size_of(cycle_of(paper), Drive(MOTOR, Screw(0.005, **own, **given)))
+        assert (words not in not_checked(found)) == silent, given
+        told = any("by its designation, for its speed only" in one for one in caveats(found))
+        assert told == ("nominal_diameter" not in given), given
+    by_hand = 0.05 / math.sqrt(0.005 / (math.pi * 0.016)) * 450.0 * 0.005 / (2 * math.pi)
+    assert Screw(0.005, **own, nominal_diameter=0.016).drag == pytest.approx(by_hand, rel=1e-12)
 
 
 def test_preloads_where_little_is_known():

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from table_numbers import check_table, shows
 
 import p3dof
 from p3dof._base.errors import DriveError, InputError
+from p3dof._base.tables import number
 from p3dof.design.drives import (
     Catalogue,
     Drive,
@@ -23,8 +25,9 @@ from p3dof.design.drives import (
     stopping,
     stops_table,
 )
-from p3dof.design.drives.sizing import with_others
+from p3dof.design.drives.sizing import Rating, with_others
 from p3dof.design.drives.stopping import Instants, controlled_stops, uncontrolled_stops
+from p3dof.design.drives.tables import FALLS, _words
 from p3dof.design.sizing import emergency_stops
 from p3dof.machine.parameters import Body
 
@@ -244,8 +247,13 @@ def test_one_open_brake_lets_the_platform_fall(robot):
     assert found.duration == math.inf
     ways = {owner: one for owner, one in found.ratings if one.name == "way of a stop by the brakes"}
     assert ways["C"].share == math.inf
-    table = stops_table([found])
-    assert "falls" in table.note
+    both = stops_table([held, found])
+    assert both.note == (
+        f"by the brakes: P moves {number(1e3 * held.platform_way)} mm at most, in {number(held.duration)} s. "
+        "by the brakes: no brake stops an axis within its travel (see brake_torque): it falls or runs on."
+    )
+    assert 0 < held.platform_way < 0.01
+    assert {row[0]: row[3] for row in stops_table([found]).rows}["by the brakes: way [mm]"] == "– (no end)"
 
 
 def test_a_motion_at_rest_with_closed_brakes_stays():
@@ -472,6 +480,41 @@ def test_the_command_adds_stops_to_the_ratings(tmp_path, capsys, monkeypatch):
     code, _, err = run(capsys, *words, "--stops")
     assert (code, err.count("\n")) == (2, 1)
     assert "stop: deceleration: expected an acceleration" in err
+
+
+def test_an_axis_that_nothing_stops_is_said_in_words(tmp_path, capsys, monkeypatch):
+    """The same by `size` and by `report`: no infinite way, and each warning once."""
+    monkeypatch.chdir(tmp_path)
+    bare = FILE.replace("brake_torque: 1.4 Nm, brake_time: 40 ms", "rated_speed: 3000 rpm")
+    (tmp_path / "drives.yaml").write_text(bare, encoding="utf-8")
+    (tmp_path / "task.yaml").write_text(
+        "waypoints: [{pose: [0, 0, 0]}, {pose: [50 mm, 20 mm, 0]}]\n", encoding="utf-8"
+    )
+    options = ("task.yaml", "--duration", "1", "--drives", "drives.yaml", "--samples", "101", "--stops")
+    code, told, _ = run(capsys, "size", *options)
+    assert code == 1
+    headline = told.splitlines()[0]
+    for leg in "ABC":
+        words = f"way of a stop by the brakes of {leg} has {FALLS}, at t = 0 s"
+        assert words in headline
+    assert "no brake stops an axis within its travel (see brake_torque): it falls or runs on." in told
+    code, told, err = run(capsys, "report", *options, "--out", "report.html")
+    assert code == 1
+    assert f"way of a stop by the brakes of A has {FALLS} at t = 0 s" in told
+    assert f"way of a stop by the brakes of B: {FALLS}, at t = 0 s" in told + err
+    assert "inf m" not in told + err
+    assert (told + err).count("M: no brake is given; the machine falls when the power fails") == 1
+
+
+def test_a_way_that_ends_beyond_what_is_left_has_a_number():
+    """Where nothing is left a finite way is told in metres; the axis does not fall."""
+    ratings = [("A", Rating("way of a stop by the brakes", way, 0.0, "m", 0.25)) for way in (0.03, math.inf)]
+    told = [_words(*one, None) for one in ratings]
+    assert told == [
+        "way of a stop by the brakes of A takes 0.03 m where none is permissible, at t = 0.25 s",
+        f"way of a stop by the brakes of A has {FALLS}, at t = 0.25 s",
+    ]
+    assert re.search(r"no end .* the axis falls .* brake_torque", FALLS)
 
 
 def test_an_assessment_counts_stops(robot, motion):

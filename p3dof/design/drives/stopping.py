@@ -372,11 +372,11 @@ def stops_table(found: Sequence[StopLoads]) -> Table:
     told = [
         f"{one.kind}: P moves {number(1e3 * one.platform_way)} mm at most, in {number(one.duration)} s."
         if math.isfinite(one.platform_way + one.duration)
-        else f"{one.kind}: an axis without a brake that holds (brake_torque) falls, and P with it."
+        else f"{one.kind}: no brake stops an axis within its travel (see brake_torque): it falls or runs on."
         for one in found
     ]
     return table_of("Emergency stops", ("worst", *LEGS), rows, " ".join(told))
 
 
 def _shown(value: float) -> str:
-    return number(value) if math.isfinite(value) else f"{NONE} (falls)"
+    return number(value) if math.isfinite(value) else f"{NONE} (no end)"

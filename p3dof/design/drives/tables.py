@@ -85,6 +85,8 @@ def _of_transmission(drive: Drive, required: bool) -> list[str]:
 
 
 _RPM = 30 / math.pi
+FALLS = "no end within the travel: the axis falls or runs on, as no brake stops it in time (see brake_torque)"
+"""What is said of a way that is infinite."""
 YES = dict(zip(VERDICTS, ("yes", "no reserve", "no"), strict=True))
 """Verdicts in a column of a table."""
 
@@ -223,7 +225,7 @@ def _words(leg: str, rating: Rating, where: Callable[[float], str] | None) -> st
     if rating.share == math.inf:
         much = f"takes {number(rating.required)} {rating.unit} where none is permissible"
         if rating.required == math.inf:
-            much = "does not end: the axis falls, as no brake holds it (see brake_torque)"
+            much = f"has {FALLS}"
     else:
         much = f"has a utilisation of {percent(rating.share, 0)}"
     if rating.verdict == VERDICTS[1]:
