@@ -99,6 +99,7 @@ def identify(data: Path, parameters: Path | None, asked: Asked, out: Path | None
 
 
 _WORDS = {"sigma:": "--sigma:", "tolerances": "--sigma", "tolerance of": "--sigma", "sigma of": "--sigma"}
+_WORDS["count:"] = "--plan:"
 """What arguments of Python are here."""
 READ = {"A": True, "B": True, "C": True}
 POSE = {"y": True, "z": True, "theta": False}

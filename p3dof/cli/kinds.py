@@ -127,10 +127,9 @@ class Amount(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generi
                 number, kind = float(each.read(value, "number")), each
                 break
         else:
-            names = [one.name for one in self._kinds]
-            rule = f"expected {' or '.join(names)} such as '5 {(kind.unit, *kind.others)[-1]}'"
-            rule += "".join(f", or {word}" for word in self._words)
-            self.fail(f"{rule}, got {shown(value)}{with_point(value)}", param, ctx)
+            names, example = " or ".join(one.name for one in self._kinds), (kind.unit, *kind.others)[-1]
+            told = f"{''.join(f', or {word}' for word in self._words)}, got {shown(value)}{with_point(value)}"
+            self.fail(f"expected {names} such as '5 {example}'{told}", param, ctx)
         rule = f"expected {'zero or ' * self._zero}a positive number"
         good = SMALLEST <= number <= LARGEST or (number == 0 and self._zero)
         if self._ends:

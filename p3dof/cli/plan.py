@@ -250,7 +250,9 @@ def plan(asked: _Asked, duration: float | None) -> int:
     other than --clearance, or the machine cannot perform the motion.
     """
     task, robot = asked.opened()
-    return asked.told(task, robot, task.plan(duration, asked.samples))
+    with in_options({"duration: ": "--duration: "}):
+        given = task.plan(duration, asked.samples)
+    return asked.told(task, robot, given)
 
 
 @app.command()

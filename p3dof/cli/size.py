@@ -14,7 +14,7 @@ from p3dof.cli.case import LOAD_FRICTION, METHOD, STIFFNESS, Case, load_friction
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
 from p3dof.cli.kinds import DURATION, FIGURE, Whole, table_out
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
-from p3dof.cli.output import print_plain, print_written, progress_bar, show
+from p3dof.cli.output import in_options, print_plain, print_written, progress_bar, show
 from p3dof.cli.work import BRAKE, FRICTIONLESS, LIFE, PER_AXIS, REST, STOPS
 from p3dof.design.assessment import frictionless as without_friction
 from p3dof.design.balance import OBJECTIVES, BalanceKind, Objective, balance_table, best_balance
@@ -99,7 +99,8 @@ def size(
     robot = machine_of(parameters)
     task = read_task(source(task_file)).on(robot.parameters.geometry)
     catalogue = GENERIC if catalogue_file is None else read_catalogue(source(catalogue_file))
-    plan = task.plan(duration, samples)
+    with in_options({"duration: ": "--duration: "}):
+        plan = task.plan(duration, samples)
     friction = load_friction_in(load_friction)
     if friction is None and stiffness is not None:
         raise click.UsageError("--stiffness decides the loads of --load-friction, which is not given")
@@ -214,7 +215,8 @@ def balance(
             raise click.UsageError("--wrench belongs to a motion; a task has its loads in its file")
         robot = machine_of(parameters, payload)
         task = read_task(source(file)).on(robot.parameters.geometry)
-        plan = task.plan(duration, 1001 if samples is None else samples)
+        with in_options({"duration: ": "--duration: "}):
+            plan = task.plan(duration, 1001 if samples is None else samples)
         found: InverseDynamics | TaskForces = forces_of_task(robot, plan, method)
     else:
         robot, found = _moved(Case(parameters, file, samples, payload, wrench_file), duration, method)

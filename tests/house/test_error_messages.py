@@ -8,12 +8,19 @@ import warnings
 from dataclasses import replace
 from functools import cache
 
+import closed_loop_robots as robots
 import numpy as np
 import pytest
 from command_line import run
 from documents import ROOT
 
 import p3dof
+from p3dof._base.quantities import FORCE, MOMENT
+from p3dof.cli.kinds import Amount, require_unit
+from p3dof.codegen.loops import loop_files
+from p3dof.design.drives.sizing import Rating
+from p3dof.design.drives.tables import _words
+from p3dof.loops.identification.fitting import chosen_poses
 
 PAGE = (ROOT / "docs/how-to/error-messages.md").read_text("utf-8")
 ROWS = re.findall(r"^\| (`.*?) \| .+ \| .+ \|$", PAGE, re.MULTILINE)
@@ -117,6 +124,22 @@ def another_sweep(tmp_path):
         p3dof.sweep(problem, tmp_path / "lengths", seed=seed)
 
 
+def flat_start(_tmp_path):
+    robot = p3dof.loops.ClosedLoopModel.from_urdf(robots.flat_parallelogram(), robots.PARALLELOGRAM_SIDECAR)
+    p3dof.runs.simulate_robot(robot, 0.1, robot.reference)
+
+
+def two_durations(tmp_path):
+    poses = "waypoints: [{pose: [0, 0, 0]}, {pose: [50 mm, 0, 0], duration: 1}]"
+    (tmp_path / "task.yaml").write_text(poses, encoding="utf-8")
+    p3dof.read_task(tmp_path / "task.yaml").plan(0.5)
+
+
+def no_mass(_tmp_path):
+    text = re.sub("<inertial>.*?</inertial>", "", FOUR_BAR.read_text("utf-8"), flags=re.DOTALL)
+    loop_files(p3dof.load_robot(text, p3dof.load_robot("gallery/four_bar").sidecar))
+
+
 HEADER = "t, y, z, theta, ydot, zdot, thetadot, yddot, zddot, thetaddot\n"
 CAUSES = {
     # A part of a quoted message that no other one has; what raises or returns it.
@@ -150,6 +173,14 @@ CAUSES = {
     "cannot hold the mechanism": dead_point,
     "no actuator gives": no_motor,
     "holds another sweep": another_sweep,
+    "expected a unit of": lambda path: motion("t, y [h], z, theta\n0, 0, 0, 0\n", path),
+    "as the actuated joints have": lambda _: require_unit("--noise", Amount(FORCE, MOMENT)("3 N"), ["N m"]),
+    "which the waypoints add up to": two_durations,
+    "the axis falls or runs on": lambda _: [_words("A", Rating("way", np.inf, 0.0, "m", 0.0), None)],
+    "Left out": lambda _: [loop_files(four_bar(actuated=("crank_joint", "rocker_joint"))).left_out],
+    "a free motion of the mechanism": no_mass,
+    "the number of candidates": lambda _: chosen_poses(np.ones((3, 1, 1)), np.ones(1), 4),
+    "at a singular configuration, whose": flat_start,
 }
 
 
@@ -169,6 +200,9 @@ def test_slips_on_the_command_line_have_the_messages_of_the_page(capsys):
     for word, arguments in (
         ("no such option …", ["compare", "--motoin"]),
         ("no such command …", ["comapre"]),
+        ("expected … such as '5 …", ["simulate", "--rate", "5 kg"]),
+        ("expected each name once, got … twice", ["tolerance", "--sigma", "R=1 mm", "--sigma", "R=2 mm"]),
+        ("expected NAME=VALUE such as …, got …", ["tolerance", "--sigma", "R"]),
     ):
         assert word in QUOTED
         assert re.search(pattern(word), run(capsys, *arguments)[2])

@@ -316,7 +316,7 @@ def _held_out(asked: Asked) -> list[object]:
     return [] if asked.held_out is None else ["--validate", asked.held_out]
 
 
-_OPTIONS = {"tolerances": "--sigma", "combined": "--combine", "frame:": "--frame:"}
+_OPTIONS = {"tolerances": "--sigma", "combined": "--combine", "frame:": "--frame:", "count:": "--plan:"}
 _COLUMNS = {name: name[0] != "r" for name in COMPONENTS}
 """What may be measured, and what of it is a length."""
 _CANDIDATES = 1000  # random poses that a plan is chosen from
