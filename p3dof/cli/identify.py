@@ -99,7 +99,10 @@ def identify(data: Path, parameters: Path | None, asked: Asked, out: Path | None
 
 
 _WORDS = {"sigma:": "--sigma:", "tolerances": "--sigma", "tolerance of": "--sigma", "sigma of": "--sigma"}
-_WORDS["count:"] = "--plan:"
+_WORDS |= {
+    "count:": "--plan:",
+    "lengths by names of parameters, such as {'L': '50 um'}": "NAME=VALUE such as 'L=50 um'",
+}
 """What arguments of Python are here."""
 READ = {"A": True, "B": True, "C": True}
 POSE = {"y": True, "z": True, "theta": False}

@@ -40,8 +40,11 @@ class BySlide(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # gener
             numbers = [self._quantity.read(part, str(param.opts[0] if param else value)) for part in parts]
         except ParameterError as error:
             self.fail(str(error), param, ctx)
-        if self._positive and not all(SMALLEST <= number <= LARGEST for number in numbers):
-            self.fail(f"expected positive numbers, got {shown(value)}", param, ctx)
+        least = SMALLEST if self._positive else 0.0 if self._quantity is MASS else -LARGEST
+        if not all(least <= number <= LARGEST for number in numbers):
+            kind = "positive" if self._positive else "finite"
+            told = " from zero on" * (self._quantity is MASS)
+            self.fail(f"expected {kind} numbers{told}, got {shown(value)}", param, ctx)
         return dict(zip(SLIDES, numbers * (len(SLIDES) // len(numbers)), strict=True))
 
 
@@ -80,6 +83,8 @@ class Pose(click.ParamType):  # type: ignore[type-arg,unused-ignore]  # generic 
                 kind.read(part.strip(), "pose")
                 for kind, part in zip((LENGTH, LENGTH, ANGLE), parts, strict=True)
             ]
+            if not np.isfinite(pose).all():
+                raise ValueError
         except (ParameterError, ValueError):
             self.fail(
                 f"expected y,z,theta such as '0.1,0,-30 deg' or '100 mm,0,0', got {value!r}", param, ctx

@@ -110,7 +110,8 @@ def _row(line: tuple[int, str], source: str, names: Sequence[str], needed: Mappi
 
 MEASURING = options(
     click.option(
-        "--accuracy", type=Amount(LENGTH), required=True, help="Standard deviation of a measured length.",
+        "--accuracy", type=Amount(LENGTH), required=True,
+        help="Standard deviation of a measured length, such as '10 um'.",
     ),
     click.option(
         "--angle-accuracy", type=Amount(ANGLE), default="0.1 mrad", show_default=True,

@@ -491,6 +491,7 @@ def _as_given() -> str:
 @click.option("--index", "indices", multiple=True, metavar="NAME", help="Performance index; repeatable.")
 @click.option("--grid", type=Whole(5, 401), default=81, help="Number of poses of the map along each axis.")
 @click.option("--out", type=OutputFile("animation"), required=True, help="HTML page to write.")
+@in_options({"index: ": "--index: "})
 def studio(
     case: Case,
     designs: Path | None,

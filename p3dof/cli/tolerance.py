@@ -33,6 +33,8 @@ _WORDS = {
     "figure: expected": "--of: expected",
     "designs: unknown": "--fix: unknown",
     "samples:": "--machines:",
+    "numbers by names of parameters, such as {'R': '0.1 mm'}": "NAME=VALUE such as 'R=0.1 mm', or a FILE",
+    "lengths by names of parameters, such as {'L': '50 um'}": "NAME=VALUE such as 'L=50 um', or a FILE",
 }
 """What arguments of Python are here."""
 

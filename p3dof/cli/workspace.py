@@ -23,7 +23,7 @@ from p3dof.cli.case import Case, with_load
 from p3dof.cli.files import InputFile, OutputFile, protect, save_figure, source, write_results
 from p3dof.cli.kinds import FIGURE, Amount, Number
 from p3dof.cli.machine import DRIVE_STIFFNESS, PARAMETERS, PAYLOAD, Pose, machine_of
-from p3dof.cli.output import give, print_plain, print_written, show
+from p3dof.cli.output import give, in_options, print_plain, print_written, show
 from p3dof.cli.work import CLEARANCE, SURROUNDINGS, surroundings_in
 from p3dof.design.clearance import Clearance, clearance_over, clearance_table
 from p3dof.machine.motion import Motion, paper_motion
@@ -144,6 +144,7 @@ _LENGTH = click.option(
     type=OutputFile("map"),
     help="NetCDF file (.nc) to write: maps of the indices, by default of all.",
 )
+@in_options({"index: ": "--index: "})
 def workspace(
     parameters: Path | None,
     payload: Body | None,
@@ -308,6 +309,7 @@ def _written(
     type=OutputFile("table"),
     help="CSV file to write, - for the standard output: a row for each pose.",
 )
+@in_options({"index: ": "--index: "})
 def indices(
     case: Case,
     poses: tuple[list[float], ...],

@@ -737,7 +737,7 @@ def test_simulate_stops_at_limits_or_ignores_them(capsys, five_bar):
 def test_numbers_of_simulate_have_units(five_bar, tmp_path, capsys):
     """The same run, to the byte; saturation and noise in the units of the actuated joints, which turn."""
     given = {
-        "--duration": ("0.05", "50ms"),
+        "--duration": ("0.02", "20ms"),
         "--rate": ("500", "0.5 kHz"),
         "--saturation": ("3", "3000 N mm"),
         "--noise": ("0.001 0.02", "1mrad 20mrad/s"),
@@ -748,7 +748,7 @@ def test_numbers_of_simulate_have_units(five_bar, tmp_path, capsys):
     }
     files = []
     for i, out in enumerate((tmp_path / "plain.csv", tmp_path / "units.csv")):
-        line = ["--controller", "pd", "--frequency", "4", "--out", out]
+        line = ["--controller", "pd", "--frequency", "4", "--method", "general", "--out", out]
         for option, values in given.items():
             line += [option, *(values[i].split() if option == "--noise" else [values[i]])]
         assert loop(capsys, "simulate", five_bar, *line)[0] == 0
@@ -845,8 +845,16 @@ def test_runs_that_cannot_be(five_bar):
         (("simulate", "FILE", "--actuator-force", "left_joint=1 N"), "force left_joint: expected a moment"),
         (("simulate", "FILE", "--duration", "0"), "Invalid value for '--duration'"),
         (("simulate", "FILE", "--controller", "lqr"), "'lqr' is not one of 'none', 'pd', 'computed-torque'"),
-        (("simulate", "FILE", "--controller", "pd", "--kp", "1,2,3"), "kp: expected one number or 2"),
-        (("simulate", "FILE", "--controller", "pd", "--kp", "much"), "--kp: expected numbers with commas"),
+        (
+            ("simulate", "FILE", "--controller", "pd", "--kp", "1,2,3"),
+            "error: --kp: expected one number or 2",
+        ),
+        (
+            ("simulate", "FILE", "--controller", "pd", "--kp", "much"),
+            "error: --kp: expected numbers with commas",
+        ),
+        (("simulate", "FILE", "--controller", "pd", "--kp", "-5"), "error: --kp: expected zero or more"),
+        (("simulate", "FILE", "--controller", "pd", "--kd", "-5"), "error: --kd: expected zero or more"),
         (("simulate", "FILE", "--controller", "pd", "--kd", "nan"), "--kd: expected finite numbers"),
         (
             ("simulate", "FILE", "--controller", "pd", "--actuator-force", "left_joint=1"),

@@ -280,6 +280,9 @@ def test_every_option_of_simulate(tmp_path, capsys, wrench_file):
         (("--mass-error", "-1"), "'--mass-error': -1.0 is not in the range x>-1"),
         (("--mass-error", "nan"), "'--mass-error': expected a finite number"),
         (("--saturation", "0"), "'--saturation': expected a positive number, got 0"),
+        (("--armature", "nan"), "'--armature': expected finite numbers from zero on, got 'nan'"),
+        (("--armature", "1,-1,1"), "'--armature': expected finite numbers from zero on, got '1,-1,1'"),
+        (("--counterbalance", "inf"), "'--counterbalance': expected finite numbers, got 'inf'"),
         (("--saturation", "foo"), "'--saturation': expected a force such as '5 kN', got 'foo'"),
         (("--saturation", "50 Nm"), "'--saturation': expected a force such as '5 kN', got '50 Nm'"),
         (("--rate", "500 rpm"), "'--rate': expected a frequency such as '5 kHz', got '500 rpm'"),
@@ -392,7 +395,7 @@ def test_armature_and_counterbalance_take_the_place_of_the_file_s(tmp_path, monk
     ("options", "message"),
     [
         ("--armature 1,2", "'--armature': expected one number, or three for A, B and C, got '1,2'"),
-        ("--armature -2", "armature.slide_a: expected zero or more, got -2"),
+        ("--armature -2", "expected finite numbers from zero on, got '-2'"),
         ("--counterbalance 3kg", "expected a force"),
         ("--armature much", "expected a mass"),
     ],

@@ -83,7 +83,7 @@ def test_a_motion_is_checked(tmp_path, capsys):
         (["--serial", "0.95"], "at home the margin of 'serial A' is -0.0229752"),
         (["--velocity", "1,2"], "expected three numbers, of y, z and theta [m/s, m/s, rad/s], got '1,2'"),
         (["--velocity", "0,3,0"], "'speed A' is -1"),
-        (["--index", "lit"], "index: expected one of determinant"),
+        (["--index", "lit"], "error: --index: expected one of determinant"),
         (["--actuation", "15 mm"], "expected an angle such as '5 deg', got '15 mm'"),
         (["--max-force", "0"], "expected a positive number, got 0"),
         (["--out", "map.csv"], "expected a file name that ends in .nc"),
@@ -130,7 +130,7 @@ def test_indices_along_a_motion(capsys, tmp_path):
     [
         (["--pose", "0,0"], 2, "expected y,z,theta such as"),
         (["--pose", "0.3,0,0"], 1, "leg A is too short by 0.05 m"),
-        (["--pose", "0,0,0", "--index", "lit"], 2, "index: expected one of determinant"),
+        (["--pose", "0,0,0", "--index", "lit"], 2, "error: --index: expected one of determinant"),
         (["--pose", "0,0,0", "--length", "0"], 2, "'--length'"),
         (["--rigid-rods", "--rod-diameter", "0.02"], 2, "--rigid-rods and --rod-diameter exclude each other"),
     ],

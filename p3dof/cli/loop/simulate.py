@@ -144,6 +144,7 @@ class Control(Feedback):
             raise InputError("--motion: the robot has no actuated joints")
         return JointReference.from_csv(robot, source(self.motion_file))
 
+    @in_options({"--k": "k", "kp: ": "--kp: ", "kd: ": "--kd: "})
     def of(
         self,
         robot: ClosedLoopModel,
