@@ -140,7 +140,7 @@ def without_network(sdist: Path, folder: Path, python: Path) -> dict[str, str]:
 
 def walked(wheel: Path, python: Path, sdist: Path) -> str:
     """Go through the pages of the readers, the short examples and each tool's line with a wheel alone."""
-    extras = "interop,models,report,shapes,tables,video,xarray"
+    extras = "interop,models,report,shapes,tables,usd,video,xarray"
     needs = ("casadi", "hypothesis", "jsonschema", "nbmake", "pytest", "pytest-xdist", "urdf-parser-py")
     pages = ("house/test_first_hour.py", "house/test_short_examples.py", "interop/test_one_liners.py")
     with tempfile.TemporaryDirectory() as place:
