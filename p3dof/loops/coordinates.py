@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from p3dof._base.checks import FloatArray, shown
 from p3dof._base.errors import ModelError
 from p3dof.loops.bushings import Bushing, Bushings
-from p3dof.loops.sidecar import JointData, suggestion
+from p3dof.loops.sidecar import SMOOTHING, JointData, suggestion
 
 _LENGTHS: dict[str, slice | EllipsisType] = {
     "JointModelP": ...,
@@ -370,10 +370,6 @@ def _turned_back(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(vector + w * once + np.cross(u, once))
 
 
-SMOOTHING = 1e-3
-"""Speed over which Coulomb friction changes its sign [m/s or rad/s]: that of `p3dof.machine.Friction`."""
-
-
 class Passive:
     """What acts in a tree by itself: in its joints, and in bushings between its bodies."""
 
@@ -382,6 +378,7 @@ class Passive:
         self.bushings = Bushings(model, bushings) if bushings else None
         self._any = bool(entries) or bool(bushings)
         self._damping, self._friction, self._force = np.zeros((3, model.nv))
+        self._smoothing = np.full(model.nv, SMOOTHING)
         pushed = []
         self._turning: list[TurningSpring] = []
         springs = []
@@ -390,6 +387,7 @@ class Passive:
             span = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
             _require_rotor(entry, np.asarray(model.armature)[span])
             self._damping[span], self._friction[span] = entry.damping, entry.friction
+            self._smoothing[span] = entry.smoothing
             _require_one(entry, model.nvs[joint], model.nqs[joint])
             if entry.force:
                 self._force[span] = entry.force
@@ -417,7 +415,7 @@ class Passive:
 
     def joint_forces(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return what of the forces acts in the joints themselves."""
-        found: FloatArray = self._force - self._damping * v - self._friction * np.tanh(v / SMOOTHING)
+        found: FloatArray = self._force - self._damping * v - self._friction * self._sign(v)
         if len(self._q):
             found[..., self._v] -= self._stiffness * self._stretch(q)
         for spring in self._turning:
@@ -427,13 +425,14 @@ class Passive:
     def derivatives(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the derivatives (nv, nv) of the forces by the positions and by the speeds.
 
-        Friction is smooth: away from rest its derivative fades out within a few times `SMOOTHING`.
+        Friction is smooth: away from rest its derivative fades out within a few times its smoothing.
         """
         by_q = np.zeros((self._nv, self._nv))
         by_q[self._v, self._v] = -self._stiffness
         for spring in self._turning:
             by_q[spring.v, spring.v] = -spring.stiffness * spring.stretch_by_q(q)
-        by_v = np.diag(-self._damping - self._friction / SMOOTHING * (1.0 - np.tanh(v / SMOOTHING) ** 2))
+        steep = self._friction / self._smoothing * (1.0 - self._sign(v) ** 2)
+        by_v = np.diag(-self._damping - steep)
         if not self.bushings:
             return by_q, by_v
         more = self.bushings.derivatives(q, v)
@@ -459,8 +458,12 @@ class Passive:
 
     def dissipation(self, v: FloatArray, q: FloatArray | None = None) -> FloatArray:
         """Return what damping and friction take (...) [W]; that of bushings depends on q."""
-        lost = np.sum(self._damping * v**2 + self._friction * v * np.tanh(v / SMOOTHING), axis=-1)
+        lost = np.sum(self._damping * v**2 + self._friction * v * self._sign(v), axis=-1)
         return np.asarray(lost + self.bushings.dissipation(q, v) if self.bushings and q is not None else lost)
+
+    def _sign(self, v: FloatArray) -> FloatArray:
+        """Return the sign of speeds as Coulomb friction has it, smooth about zero."""
+        return np.asarray(np.tanh(v / self._smoothing))
 
     def _stretch(self, q: FloatArray) -> FloatArray:
         """Return how far the joints with springs are from rest (..., n)."""

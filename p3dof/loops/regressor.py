@@ -26,7 +26,7 @@ from p3dof._base.threads import Own
 from p3dof.loops.bushings import Bushings
 from p3dof.loops.closed_tree import ClosedTree, Loads
 from p3dof.loops.closures import ClosurePoint
-from p3dof.loops.coordinates import SMOOTHING, TurningSpring
+from p3dof.loops.coordinates import TurningSpring
 from p3dof.loops.linear import RANK_TOLERANCE, actuation_of
 from p3dof.loops.minimal import Names, Setting, coordinate_names, pivoted, stacked
 from p3dof.loops.sidecar import JointData
@@ -94,6 +94,7 @@ class TreeRegressor:
         ]
         sizes = [model.nvs[i] for i in range(1, model.njoints)]
         self._friction = np.repeat([(one.damping, one.friction) for one in each], sizes, axis=0)
+        self._smoothing = np.repeat([one.smoothing for one in each], sizes)
         single = [i for i in range(1, model.njoints) if model.nvs[i] == 1]
         self._single_v = np.array([model.idx_vs[i] for i in single], dtype=int)
         self._single_q = np.array([model.idx_qs[i] for i in single], dtype=int)
@@ -135,7 +136,7 @@ class TreeRegressor:
         turning = np.zeros((nv, len(self._turning)))
         for k, spring in enumerate(self._turning):
             turning[spring.v, k] = spring.stretch(q)
-        joints = (np.diag(x) for x in (a, v, np.tanh(v / SMOOTHING)))
+        joints = (np.diag(x) for x in (a, v, np.tanh(v / self._smoothing)))
         between = self._bushings.regressor(q, v) if self._bushings else np.zeros((nv, 0))
         return np.concatenate((bodies, *joints, springs, turning, between), axis=1)
 

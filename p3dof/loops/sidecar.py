@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
@@ -217,12 +217,14 @@ def check_couplings(where: str, couplings: Iterable[Coupling]) -> None:
 
 _SIGNED = ("stiffness", "force", "gear_ratio")
 _POSITIVE = ("damping", "friction", "armature", "rotor_inertia")
+SMOOTHING = 1e-3
+"""Rate over which Coulomb friction changes its sign [m/s or rad/s]: that of `p3dof.machine.Friction`."""
 _SEVERAL = (4, 7)  # how many values a ball and a free joint have
 
 
 @dataclass(frozen=True)
 class JointData(Readable):
-    """What acts in a joint by itself: force - stiffness (q - rest) - damping v - friction tanh(v / 0.001).
+    """What acts in a joint: force - stiffness (q - rest) - damping v - friction tanh(v / smoothing).
 
     Parameters
     ----------
@@ -240,7 +242,7 @@ class JointData(Readable):
     damping : float
         Viscous friction, of every freedom of the joint [N s/m or N m s/rad].
     friction : float
-        Coulomb friction, likewise [N or N m]. It changes its sign smoothly over 0.001 m/s or rad/s.
+        Coulomb friction, likewise [N or N m].
     armature : float
         Inertia that a rotor adds at the joint, seen through its gear [kg or kg m²]. It belongs to the tree:
         whoever reads its file enters it there.
@@ -252,12 +254,14 @@ class JointData(Readable):
         at the joint whatever it is: `ClosedLoopModel.motor_side` tells what is before the gear.
     force : float
         Constant force of a counterbalance, along a joint with one degree of freedom and ends [N or N m].
+    smoothing : float
+        Rate over which Coulomb friction changes its sign [m/s or rad/s], more than zero.
 
     Raises
     ------
     ModelError
         If the name is empty or not text, a number is not finite, a loss or an inertia is negative, or the
-        gear ratio is zero.
+        gear ratio is zero, or the smoothing not positive.
     """
 
     joint: str
@@ -269,6 +273,7 @@ class JointData(Readable):
     rotor_inertia: float = 0.0
     gear_ratio: float = 1.0
     force: float = 0.0
+    smoothing: float = SMOOTHING
 
     def __post_init__(self) -> None:
         checked_name("joint data: joint", self.joint)
@@ -281,6 +286,8 @@ class JointData(Readable):
             if value == 0 and name == "gear_ratio":
                 raise ModelError(f"{where}: expected a number other than zero")
             object.__setattr__(self, name, value)
+        where = f"joint data of {shown(self.joint)}: smoothing"
+        object.__setattr__(self, "smoothing", positive(where, self.smoothing, ModelError))
 
     def __bool__(self) -> bool:
         given = any(getattr(self, name) for name in (*_POSITIVE, "stiffness", "force"))
@@ -343,7 +350,7 @@ def motor_side(
 
 _REQUIRED = ("closed_loop", "type", "name_mot")
 _OPTIONAL = ("length", "coupling", "reference", "joint_name", "joint_type", "joint_data", "bushings")
-_JOINT_DATA = ("stiffness", "rest", "damping", "friction", "armature", "rotor_inertia", "gear_ratio", "force")
+_JOINT_DATA = tuple(field.name for field in fields(JointData) if field.name != "joint")
 _BUSHING = ("stiffness", "damping", "name")
 _COUPLING = ("joint", "coefficients", "on", "name", "others")
 

@@ -149,6 +149,31 @@ def test_a_spring_of_a_continuous_joint_turns_back_by_the_shorter_way():
 # --- files --------------------------------------------------------------------------------------------------
 
 
+def test_friction_changes_its_sign_over_its_own_smoothing():
+    """In forces, their derivatives, losses, code, regressor and file; 1 mm/s where nothing is said."""
+    smoothed = replace(DATA[1], smoothing=0.4)
+    assert DATA[1].smoothing == 1e-3
+    loop, plain = five_bar((smoothed,)), five_bar(())
+    q, v, a = moving(loop, 5, 3)
+    acting = np.zeros((3, 4))
+    acting[:, 2] = -0.2 * v[:, 2] - 0.3 * np.tanh(v[:, 2] / 0.4)
+    expected = plain.inverse_dynamics_batch(q, v, a, joint_forces=acting).tau
+    assert np.abs(expected - five_bar((DATA[1],)).inverse_dynamics_batch(q, v, a).tau).max() > 1e-3
+    np.testing.assert_allclose(loop.inverse_dynamics_batch(q, v, a).tau, expected, rtol=0, atol=1e-11)
+    compiled = loop.compile()
+    np.testing.assert_allclose(compiled.inverse_dynamics(q, v, a).tau, expected, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(loop.dissipation(v), -np.sum(acting * v, axis=1), rtol=1e-13)
+    step = np.array([0, 0, 1e-6, 0])
+    ends = [loop.passive.forces(q[0], v[0] + s * step)[2] for s in (1, -1)]
+    slope = loop.passive.derivatives(q[0], v[0])[1][2, 2]
+    assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-8)
+    regressor = loop.force_regressor(q[0], v[0], a[0])
+    np.testing.assert_allclose(regressor.forces @ regressor.parameters, expected[0], rtol=0, atol=1e-11)
+    assert Sidecar.parse(loop.sidecar.to_yaml()).joint_data == (smoothed,)
+    with pytest.raises(ModelError, match="smoothing: expected a positive number, got 0"):
+        JointData("right_joint", smoothing=0)
+
+
 def test_losses_of_a_urdf_act_on_request():
     text = robots.five_bar().replace("<limit", '<dynamics damping="0.4" friction="0.3"/><limit')
     assert not p3dof.load_robot(text, robots.FIVE_BAR_SIDECAR).passive

@@ -56,6 +56,7 @@ ACCEPTED = {
     "a locked joint": coupling(on=None, coefficients=[1]),
     "an empty reference": changed("reference", {}),
     "a joint of which nothing is said": joint_data(),
+    "a smoothing in an exponent": joint_data(friction=1, smoothing="1e-2"),
 }
 REFUSED = {
     "joint data of no joint": changed("joint_data", [{"stiffness": 1}]),
@@ -64,6 +65,8 @@ REFUSED = {
     "a force in words": joint_data(force="some"),
     "a negative armature": joint_data(armature=-1e-3),
     "damping in words": joint_data(damping="some"),
+    "a smoothing of nothing": joint_data(smoothing=0),
+    "a negative smoothing": joint_data(smoothing=-1e-3),
     "an unknown datum": joint_data(mass=1),
     "a bushing of one frame": changed("bushings", [{"frames": ["a"]}]),
     "a bushing of no frames": changed("bushings", [{"stiffness": [1] * 6}]),

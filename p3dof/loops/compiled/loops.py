@@ -17,7 +17,7 @@ from p3dof._base.tracing import Number, Symbol, Tape
 from p3dof.loops.bushings import Bushing, Bushings
 from p3dof.loops.closures import LoopKinematics
 from p3dof.loops.compiled.dynamics import BodyRates
-from p3dof.loops.coordinates import SMOOTHING, TurningSpring, joint_named, single_joint
+from p3dof.loops.coordinates import TurningSpring, joint_named, single_joint
 from p3dof.loops.sidecar import Closure, Coupling, JointData
 from p3dof.loops.tree_formulas import (
     ZERO,
@@ -361,7 +361,7 @@ class PassiveJoints:
                 if entry.force:
                     value = value + entry.force
                 if entry.friction:
-                    value = value - entry.friction * tape.tanh(v[place] * (1.0 / SMOOTHING))
+                    value = value - entry.friction * tape.tanh(v[place] * (1.0 / entry.smoothing))
                 if entry.stiffness and len(places) == 1:
                     rest = float(entry.rest)  # type: ignore[arg-type]  # of a joint with one freedom
                     value = value - entry.stiffness * _stretch(tape, q, at_q, rest, circle)

@@ -15,10 +15,10 @@ from p3dof._base.checks import FloatArray, frozen_array, positive, shown
 from p3dof._base.errors import AssemblyError, InputError, ModelError
 from p3dof.loops.assembly import Limits
 from p3dof.loops.compiled.kept import Method
-from p3dof.loops.coordinates import SMOOTHING, length_coordinates
+from p3dof.loops.coordinates import length_coordinates
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.regressor import MOMENTS
-from p3dof.loops.sidecar import JointData
+from p3dof.loops.sidecar import SMOOTHING, JointData
 
 MASS, SHIFT, OTHER = 0.1, 5e-3, 0.1
 """Standard deviations about a design by default: shares of masses and other parameters; mass centres [m]."""
