@@ -190,18 +190,31 @@ class Manipulator:
 
     @property
     def loop(self) -> ClosedLoopModel:
-        """The mechanism as a general closed-loop model on Pinocchio."""
+        """The mechanism as a general closed-loop model on Pinocchio, with the forces of this machine.
+
+        What acts in its joints, counterbalances and friction, is in its `Sidecar`. Friction of joints at
+        which loops are cut is entered where a joint of the tree turns as fast: of ``hinge_lower_right`` in
+        ``hinge_right``, of the universal joints about x0 in ``hinge_a`` and ``hinge_b``. No joint turns as
+        they do about y0: their viscous friction there is a bushing between base and platform, which has no
+        rates within 0.5° of θ = ±90°; of their Coulomb friction about y0 there is nothing, as a
+        `ModelWarning` tells. `bare_loop` has neither friction nor counterbalances.
+        """
         return self._model.loop
+
+    @property
+    def bare_loop(self) -> ClosedLoopModel:
+        """The same without counterbalances and friction: bodies and the inertia of motors alone."""
+        return self._model.bare_loop
 
     @property
     def model(self) -> Any:
         """The tree as a `pinocchio.Model`."""
-        return self.loop.model
+        return self.bare_loop.model
 
     @property
     def constraint_models(self) -> Any:
         """The loop closures as `pinocchio.StdVec_ConstraintModel`."""
-        return self.loop.constraint_models
+        return self.bare_loop.constraint_models
 
     @property
     def visual_model(self) -> Any:
@@ -512,7 +525,7 @@ class Manipulator:
 
         history = wrench if isinstance(wrench, WrenchHistory) else None
         return over_motion(
-            self.loop,
+            self.bare_loop,
             self.parameters,
             self._model.methods[method],
             method,
@@ -641,9 +654,9 @@ class Manipulator:
                 progress=progress,
                 stiffness=stiffness,
             )
-            return of_result(self.loop, self.parameters, found.result, joints, on_invalid, stiffness)
+            return of_result(self.bare_loop, self.parameters, found.result, joints, on_invalid, stiffness)
         given = wrench, on_invalid, progress, stiffness
-        return over_motion(self.loop, self.parameters, motion, joints, *given)
+        return over_motion(self.bare_loop, self.parameters, motion, joints, *given)
 
     def energy(self, result: InverseDynamics) -> Energy:
         """Return energy, momentum, work and drive loads over a motion, from its forces by any method.

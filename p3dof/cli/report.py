@@ -229,7 +229,7 @@ def _of_motion(case: Case, joints: Choice, stiffness: Path | None, told: _Told) 
     result = comparison.second
     case.require_valid(result.valid)
     reactions = of_result(
-        case.robot.loop,
+        case.robot.bare_loop,
         case.robot.parameters,
         comparison.first,
         joints,

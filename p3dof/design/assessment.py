@@ -524,7 +524,7 @@ def _reactions(
 
     if isinstance(found, TaskForces):
         return reactions_under(robot, found, stiffness)
-    loads = of_result(robot.loop, robot.parameters, found, "elastic", "raise", stiffness)
+    loads = of_result(robot.bare_loop, robot.parameters, found, "elastic", "raise", stiffness)
     return loads.each[0]
 
 

@@ -335,7 +335,7 @@ def _rubbed(
         values[rows] for values in (motion.time, motion.pose, motion.velocity, motion.acceleration)
     )
     few = _stacked([result], Motion(time, pose, velocity, acceleration, check=False, start=0.0), kept)
-    loads = of_result(robot.loop, robot.parameters, few, "elastic", "raise", stiffness).each[0]
+    loads = of_result(robot.bare_loop, robot.parameters, few, "elastic", "raise", stiffness).each[0]
     limits = {}
     for joint in SLIDES:
         guide = None if bearings is None else bearings.of(joint)
@@ -463,7 +463,7 @@ def reactions_under(robot: Manipulator, found: TaskForces, stiffness: Stiffness 
     from p3dof.analysis.reactions.evaluation import of_result
 
     results = [
-        of_result(machine.loop, machine.parameters, result, "elastic", "raise", stiffness)
+        of_result(machine.bare_loop, machine.parameters, result, "elastic", "raise", stiffness)
         for machine, result in zip(machines_of(robot, found.plan), found.results, strict=True)
     ]
     return _with_jumps(results, found.plan).each[0]

@@ -188,7 +188,7 @@ def forces_against(
     without what the joints resist with.
     """
     forces, power = np.full((len(joints.q), len(loop.actuated)), np.nan), np.full(len(joints.q), np.nan)
-    known = np.isfinite(joints.q).all(axis=1)
+    known, loop = np.isfinite(joints.q).all(axis=1), bare(loop)
     q, v = joints.q[known], joints.v[known]
     rows = CoulombLimits({name: values[known] for name, values in coulomb.limits.items()}, coulomb.smoothing)
     lost, still = FrictionForces.of_limits(loop, rows).over(q, v), np.zeros_like(v)
@@ -201,6 +201,13 @@ def forces_against(
             raise next(iter(one.errors.values()))
     forces[known], power[known] = held[0].tau - held[1].tau, lost.power
     return forces, power
+
+
+def bare(loop: ClosedLoopModel) -> ClosedLoopModel:
+    """Return a loop in whose joints nothing acts: `JointForces` adds what acts in those of the machine."""
+    if not loop.passive:
+        return loop
+    return ClosedLoopModel(loop.model, replace(loop.sidecar, joint_data=(), bushings=()))
 
 
 def armature_of(model: pin.Model, actuators: Actuators) -> FloatArray:
@@ -401,6 +408,7 @@ class PinocchioMethod:
     """Forces and equations of motion by Pinocchio; doors as `DynamicsMethod` has them."""
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel) -> None:
+        loop = bare(loop)
         self._loop, self._depth = loop, parameters.geometry.h
         self._acting = JointForces(loop, parameters)
         self._gate = Gate(loop)

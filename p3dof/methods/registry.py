@@ -99,8 +99,8 @@ class Machine(Protocol):
         """The machine."""
 
     @property
-    def loop(self) -> ClosedLoopModel:
-        """Its closed-loop model on Pinocchio; made when it is first asked for."""
+    def bare_loop(self) -> ClosedLoopModel:
+        """Its closed-loop model on Pinocchio, of bodies and motors; made when it is first asked for."""
 
     @property
     def kernels(self) -> MachineKernels:
@@ -122,7 +122,7 @@ def _pinocchio(machine: Machine) -> DynamicsMethod:
     with _with_pinocchio():
         from p3dof.methods.pinocchio import PinocchioMethod
 
-    return PinocchioMethod(machine.parameters, machine.loop)
+    return PinocchioMethod(machine.parameters, machine.bare_loop)
 
 
 def _virtual_power(machine: Machine) -> DynamicsMethod:
@@ -264,14 +264,21 @@ class ManipulatorModel:
 
     @cached_property
     def loop(self) -> ClosedLoopModel:
-        """The mechanism as a closed-loop model on Pinocchio: armature, no friction or counterbalances."""
+        """The mechanism as a closed-loop model on Pinocchio: the `bare_loop` with friction and balances."""
+        bare = self.bare_loop
+        sidecar = type(bare).from_urdf(self.exact_urdf, self.sidecar, mimic=False).sidecar
+        return type(bare)(bare.model, sidecar) if sidecar.joint_data or sidecar.bushings else bare
+
+    @cached_property
+    def bare_loop(self) -> ClosedLoopModel:
+        """The same with armature alone: the method has a way of its own to friction and counterbalances."""
         from p3dof.machine import description
 
         with _with_pinocchio():
             from p3dof.loops import ClosedLoopModel
             from p3dof.methods.pinocchio import armature_of
 
-        closures = description.sidecar(self.mechanism.without_balance())  # the method adds it itself
+        closures = description.sidecar(self.mechanism.bare())
         loop = ClosedLoopModel.from_urdf(self.exact_urdf, closures, mimic=False)
         loop.model.gravity.linear = self.parameters.gravity  # a URDF has no place for it
         loop.model.armature = armature_of(loop.model, self.parameters.actuators)  # nor for this
@@ -282,11 +289,11 @@ class ManipulatorModel:
         """The visible solids as a `pinocchio.GeometryModel`."""
         import pinocchio as pin
 
-        return pin.buildGeomFromUrdfString(self.loop.model, self.exact_urdf, pin.GeometryType.VISUAL)
+        return pin.buildGeomFromUrdfString(self.bare_loop.model, self.exact_urdf, pin.GeometryType.VISUAL)
 
     @cached_property
     def collision_model(self) -> Any:
         """The solids for collision checks as a `pinocchio.GeometryModel`."""
         import pinocchio as pin
 
-        return pin.buildGeomFromUrdfString(self.loop.model, self.exact_urdf, pin.GeometryType.COLLISION)
+        return pin.buildGeomFromUrdfString(self.bare_loop.model, self.exact_urdf, pin.GeometryType.COLLISION)

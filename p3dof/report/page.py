@@ -74,7 +74,9 @@ def render(
     if not (comparison.first.valid.any() and comparison.second.valid.any()):
         raise InputError(f"no sample of the motion is within what the machine can do ({len(motion)} samples)")
     if reactions is None:
-        reactions = of_result(robot.loop, robot.parameters, comparison.first, joints, on_invalid, stiffness)
+        reactions = of_result(
+            robot.bare_loop, robot.parameters, comparison.first, joints, on_invalid, stiffness
+        )
     elif not isinstance(reactions, AnyReactions) or reactions.motion is not motion:
         raise InputError("reactions: expected those of this motion")
     found = Findings(robot, motion, comparison, robot.energy(comparison.first), reactions)

@@ -190,7 +190,7 @@ class RunOfMachine(Run[Simulation]):
 
 
 def _joints(machine: Machine, integration: settings.Integration) -> MachinePlant:
-    return MachineJoints(machine.parameters, machine.loop, integration.stabilisation)
+    return MachineJoints(machine.parameters, machine.bare_loop, integration.stabilisation)
 
 
 def _minimal(machine: Machine, _: settings.Integration) -> MachinePlant:

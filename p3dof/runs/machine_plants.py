@@ -393,8 +393,9 @@ class MachineJoints(ConstrainedPlant):
     """All joints of the tree, held together by its closures, with friction and counterbalances."""
 
     def __init__(self, parameters: Parameters, loop: ClosedLoopModel, stabilisation: float) -> None:
-        from p3dof.methods.pinocchio import JointForces
+        from p3dof.methods.pinocchio import JointForces, bare
 
+        loop = bare(loop)
         super().__init__(loop, stabilisation, (PLATFORM,), JointForces(loop, parameters).at)
         self._depth = parameters.geometry.h
         self._data = self.loop.model.createData()

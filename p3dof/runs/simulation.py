@@ -214,7 +214,7 @@ class Simulation(RunResult, ShownInNotebook, Tabular):
         from p3dof.methods.registry import ManipulatorModel
 
         parameters, solved = self._machine(), cast("Any", self)  # it has joints and forces, as a solution has
-        loop = ManipulatorModel(parameters).loop
+        loop = ManipulatorModel(parameters).bare_loop
         return of_solution(loop, parameters, self.motion, solved, joints, self.wrench, stiffness=stiffness)
 
     def _machine(self) -> Parameters:

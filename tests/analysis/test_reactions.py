@@ -302,7 +302,7 @@ def test_friction_lies_along_the_joints_freedoms(seed, kind):
     parameters = Parameters(
         parameters.geometry, parameters.bodies, gravity=parameters.gravity, friction=friction_
     )
-    result = over_motion(p3dof.load(parameters).loop, parameters, motion, kind, wrench)
+    result = over_motion(p3dof.load(parameters).bare_loop, parameters, motion, kind, wrench)
     newton, euler = Bookkeeping(parameters, motion, wrench).errors(result)
     force, moment = scales(result)
     bound = 1e-10 * np.maximum(moment, force * parameters.geometry.L)

@@ -348,12 +348,12 @@ def test_the_residual_of_a_batch_shows_a_solver_that_is_off(robot, monkeypatch):
     """With solutions that are too large by a share, that share of the passive joints' forces is left over."""
     joints = robot.inverse_dynamics(MOTION, method="pinocchio").joints
     share = 1e-8
-    right = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
+    right = robot.bare_loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
     solve = batch_dynamics.solve
     monkeypatch.setattr(batch_dynamics, "solve", lambda A, b: (1 + share) * solve(A, b))
     monkeypatch.setattr(batch_dynamics, "follow", lambda rows, *_: np.ones(len(rows), dtype=bool))
-    off = robot.loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
-    passive = [name not in robot.loop.actuated for name in joints.names]
+    off = robot.bare_loop.inverse_dynamics_batch(joints.q, joints.v, joints.a)
+    passive = [name not in robot.bare_loop.actuated for name in joints.names]
     rows = zip(joints.q, joints.v, joints.a, strict=True)
     expected = np.array([np.abs(rnea(robot, *row)[passive]).max() for row in rows])
     assert (right.residual < 1e-13 * expected).all()

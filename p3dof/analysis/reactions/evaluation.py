@@ -28,7 +28,7 @@ from p3dof.loops.reactions import LENGTH_SHARE
 from p3dof.machine.motion import Motion, WrenchOverTime, states_over
 from p3dof.machine.parameters import Parameters
 from p3dof.methods import CoulombLimits, InverseDynamics, JointStates, Solution, without_crossings
-from p3dof.methods.pinocchio import FrictionForces, JointForces, PinocchioMethod
+from p3dof.methods.pinocchio import FrictionForces, JointForces, PinocchioMethod, bare
 
 
 def over_motion(
@@ -100,7 +100,7 @@ def _in_ways(
     coulomb: CoulombLimits | None = None,
 ) -> list[Reactions]:
     """Return the reactions found in several ways."""
-    given = Stiffness() if stiffness is None else stiffness
+    given, loop = Stiffness() if stiffness is None else stiffness, bare(loop)
     built: list[Idealisation] = [given.cuts if way == "elastic" else way for way in ways]
     solvers = [
         _solver(loop, parameters, kind, given if way == "elastic" else None)

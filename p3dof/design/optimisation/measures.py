@@ -558,7 +558,7 @@ def loop_of(machine: Parameters) -> ClosedLoopModel:
     """Return the mechanism of a machine as a general closed-loop model."""
     mechanism = description.describe(machine)
     urdf = description.urdf(mechanism)
-    sidecar = description.sidecar(mechanism.without_balance())  # the method adds it itself
+    sidecar = description.sidecar(mechanism.bare())  # the method adds it itself
     loop = ClosedLoopModel.from_urdf(urdf, sidecar, mimic=False)
     loop.model.gravity.linear = machine.gravity  # a URDF has no place for it
     loop.model.armature = armature_of(loop.model, machine.actuators)  # nor for this

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from p3dof._base.checks import FloatArray, Readable, frozen_array, positive
-from p3dof._base.errors import ModelError
+from p3dof._base.errors import ModelError, ModelWarning
 from p3dof._base.markup import document as document_text
 from p3dof.machine.parameters import Body
 
@@ -148,6 +150,8 @@ class Joint(Readable):
     force: float = 0.0
     """What a counterbalance adds along the axis at home [N or N m], and its decrease [N/m or N m/rad]."""
     stiffness: float = 0.0
+    damping: float = 0.0  # viscous friction [N s/m or N m s/rad]
+    friction: float = 0.0  # Coulomb friction [N or N m]
 
     @property
     def balanced(self) -> bool:
@@ -162,8 +166,10 @@ class Joint(Readable):
             raise ModelError(
                 f"{self.name}: expected axis and limits for a moving joint, none for a fixed one"
             )
-        if not moves and (self.armature or self.balanced):
-            raise ModelError(f"{self.name}: expected no armature and no counterbalance of a fixed joint")
+        if not moves and (self.armature or self.balanced or self.damping or self.friction):
+            raise ModelError(
+                f"{self.name}: expected no armature, counterbalance or friction of a fixed joint"
+            )
         if self.axis is not None:
             axis = frozen_array(f"{self.name}: axis", np.add(self.axis, 0.0), (3,), ModelError)
             if abs(float(np.linalg.norm(axis)) - 1) > _UNIT:
@@ -178,6 +184,17 @@ class Closure:
     name: str  # unique among the closures
     frame1: str  # links, one on each side of the cut
     frame2: str
+
+
+@dataclass(frozen=True)
+class Drag:
+    """Friction at a rate that no joint of the tree has: between two links that turn about one axis y."""
+
+    name: str  # of which joints it is
+    link1: str  # links; the second turns about the y axis of the first
+    link2: str
+    damping: float  # viscous [N m s/rad]
+    friction: float  # Coulomb [N m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +216,10 @@ class Mechanism(Readable):
         Joints with an actuator.
     gravity : array-like, shape (3,)
         Acceleration of gravity in the root's frame [m/s²].
+    drags : tuple of Drag
+        Friction at a rate that no joint of the tree has.
+    smoothing : float
+        Rate over which Coulomb friction changes its sign [m/s or rad/s].
 
     Raises
     ------
@@ -213,6 +234,8 @@ class Mechanism(Readable):
     closures: tuple[Closure, ...]
     actuated: tuple[str, ...]
     gravity: FloatArray
+    drags: tuple[Drag, ...] = ()
+    smoothing: float = 1e-3
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen_array("gravity", self.gravity, (3,), ModelError))
@@ -267,9 +290,10 @@ class Mechanism(Readable):
         """The frames fixed to a link, by name: the joints that fix them."""
         return {joint.child: joint for joint in self.joints if joint.kind == "fixed"}
 
-    def without_balance(self) -> Mechanism:
-        """Return the mechanism without the counterbalances of its joints; their inertia stays."""
-        return replace(self, joints=tuple(replace(one, force=0.0, stiffness=0.0) for one in self.joints))
+    def bare(self) -> Mechanism:
+        """Return the mechanism without counterbalances and friction; the inertia of motors stays."""
+        nothing: dict[str, Any] = dict.fromkeys(("force", "stiffness", "damping", "friction"), 0.0)
+        return replace(self, joints=tuple(replace(one, **nothing) for one in self.joints), drags=())
 
     @property
     def mass(self) -> float:
@@ -284,6 +308,21 @@ def require_no_drive(joint: Joint, form: str, armature: bool = False) -> None:
         raise ModelError(
             f"{form} has no word for {what}, which {joint.name} has; MJCF and URDF with its YAML do"
         )
+
+
+def tell_friction(
+    mechanism: Mechanism, form: str, joints: Iterable[str] = (), drags: Iterable[str] = ()
+) -> None:
+    """Warn of friction that a format has no word for: it has those of `joints` and of `drags`."""
+    lost = []
+    for kind, what in (("viscous", "damping"), ("Coulomb", "friction")):
+        names = [one.name for one in mechanism.moving if what not in joints and getattr(one, what)]
+        names += [one.name for one in mechanism.drags if what not in drags and getattr(one, what)]
+        if names:
+            lost.append(f"the {kind} friction in {', '.join(names)}")
+    if lost:
+        words = f"{form} has no word for {' and '.join(lost)}, which is left out"
+        warnings.warn(words, ModelWarning, stacklevel=4)
 
 
 def document(root: ET.Element, mechanism: Mechanism, comment: str) -> str:

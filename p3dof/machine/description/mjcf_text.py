@@ -19,6 +19,7 @@ from p3dof.machine.description.mechanism import (
     Placement,
     Solid,
     document,
+    tell_friction,
 )
 from p3dof.machine.parameters import Body
 
@@ -34,15 +35,17 @@ def mjcf(mechanism: Mechanism) -> str:
     where MuJoCo's defaults leave a millimetre. Its Euler and implicit integrators diverge at this stiffness.
     Solids that are drawn are in group 2, those that must not touch in group 3, and none has a mass. The
     keyframe ``home`` is at rest under its own forces. A joint that mimics another one is left to the loops.
-    Inertia of motors is ``armature``. A counterbalance is the joint's spring with its ``springref``; one of
-    constant force compensates as much of the body's gravity (``gravcomp``). Both are passive forces:
-    inverse dynamics counts them, and they take nothing of the motors' limits.
+    Inertia of motors is ``armature``, friction ``damping`` and ``frictionloss``. A counterbalance is the
+    joint's spring with its ``springref``; one of constant force compensates as much of the body's gravity
+    (``gravcomp``). These are passive forces: inverse dynamics counts them, and they take nothing of the
+    motors' limits.
     """
     links = {link.name: link for link in mechanism.links}
     for joint in mechanism.moving:
         body = links[joint.child].body
         if body is None or body.mass == 0:
             raise ModelError(f"MJCF: expected a mass for every moving link, {joint.child!r} has none")
+    tell_friction(mechanism, "MJCF", ("damping", "friction"))
     root, defaults = mujoco(mechanism.name, mechanism.gravity)
     _defaults(defaults)
     _materials(root, mechanism)
@@ -166,8 +169,9 @@ def _contents(element: ET.Element, link: Link, joint: Joint | None = None) -> No
 
 
 def _drive(joint: Joint) -> dict[str, str]:
-    """Return what motor and spring add, as attributes of a joint."""
+    """Return what motor, spring and friction add, as attributes of a joint."""
     found = {"armature": joint.armature, "stiffness": joint.stiffness}
+    found |= {"damping": joint.damping, "frictionloss": joint.friction}
     if joint.stiffness:
         found["springref"] = joint.force / joint.stiffness
     return {name: numbers(value) for name, value in found.items() if value}

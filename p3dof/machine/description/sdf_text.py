@@ -17,6 +17,7 @@ from p3dof.machine.description.mechanism import (
     Solid,
     document,
     require_no_drive,
+    tell_friction,
 )
 from p3dof.machine.parameters import Body
 
@@ -34,6 +35,7 @@ def sdf(mechanism: Mechanism) -> str:
     for joint in mechanism.joints:
         if joint.armature or not joint.stiffness:
             require_no_drive(joint, "SDF")
+    tell_friction(mechanism, "SDF", ("damping", "friction"))
     frames = _frames(mechanism)
     bodies = _bodies(mechanism, frames)
     placed = {joint.child: joint.name for joint in mechanism.joints}
@@ -135,7 +137,12 @@ def _axis(element: ET.Element, joint: Joint) -> None:
     limit = sub(axis, "limit")
     for name in ("lower", "upper", "effort", "velocity"):
         sub(limit, name, numbers(getattr(joint.limits, name)))
+    acting = {"damping": joint.damping, "friction": joint.friction}
     if joint.stiffness:
+        acting["spring_reference"] = joint.force / joint.stiffness
+        acting["spring_stiffness"] = joint.stiffness
+    if any(acting.values()):
         dynamics = sub(axis, "dynamics")
-        sub(dynamics, "spring_reference", numbers(joint.force / joint.stiffness))
-        sub(dynamics, "spring_stiffness", numbers(joint.stiffness))
+        for name, value in acting.items():
+            if value or name.startswith("spring"):
+                sub(dynamics, name, numbers(value))

@@ -35,7 +35,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from p3dof.machine.description.mechanism import (
     Box,
     Closure,
     Cylinder,
+    Drag,
     Joint,
     JointLimits,
     Link,
@@ -60,6 +61,7 @@ from p3dof.machine.parameters import (
     SLIDES,
     STEEL_DENSITY,
     Body,
+    Friction,
     Geometry,
     Parameters,
     box,
@@ -151,12 +153,36 @@ def describe(parameters: Parameters) -> Mechanism:
     )
     bodies["platform"] = _moved(bodies["platform"], _at((geometry.r, 0.0, 0.0)))
     solids = Solids(parameters)
-    joints = _joints(parameters)
+    losses, drags = _friction(parameters.friction)
+    joints = tuple(replace(joint, **losses.get(joint.name, {})) for joint in _joints(parameters))
     links = tuple(
         Link(name, bodies.get(name), solids.visuals.get(name, ()), solids.collisions.get(name, ()))
         for name in ("base_link", *(joint.child for joint in joints))
     )
-    return Mechanism("p3dof", links, joints, CLOSURES, SLIDES, parameters.gravity)
+    smoothing = parameters.friction.smoothing
+    return Mechanism("p3dof", links, joints, CLOSURES, SLIDES, parameters.gravity, drags, smoothing)
+
+
+_ALIKE = {"universal_a": "hinge_a", "universal_b": "hinge_b", "hinge_lower_right": "hinge_right"}
+"""Joints at which the loops are cut, and those of the tree that turn as fast while the loops are closed."""
+
+
+def _friction(friction: Friction) -> tuple[dict[str, dict[str, Any]], tuple[Drag, ...]]:
+    """Return damping and friction by joint of the tree, and what drags the platform.
+
+    A universal joint turns about x0 as fast as the leg on its slider, and about y0 as fast as the platform:
+    no force of the actuators tells where at these rates there is friction.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    rates = {"damping": friction.viscous, "friction": friction.coulomb}
+    for what, by_joint in rates.items():
+        for name, value in by_joint.items():
+            own = found.setdefault(_ALIKE.get(name, name), {})
+            own[what] = own.get(what, 0.0) + value
+    both = [name for name in ("universal_a", "universal_b") if name in friction.joints]
+    total = [sum(by_joint.get(name, 0.0) for name in both) for by_joint in rates.values()]
+    name = f"{' and '.join(both)} about y0"
+    return found, (Drag(name, "base_link", "platform", *total),) if both else ()
 
 
 def _moved(body: Body, place: Placement) -> Body:

@@ -19,6 +19,7 @@ from p3dof.machine.description.mechanism import (
     Solid,
     document,
     require_no_drive,
+    tell_friction,
 )
 
 
@@ -26,8 +27,9 @@ def urdf(mechanism: Mechanism) -> str:
     """Return the tree of a mechanism as URDF text: self-contained, primitives only, always the same bytes.
 
     Numbers have 15 significant digits. The parallelogram's joints mimic each other, for readers that keep no
-    loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``. The inertia of
-    motors and the counterbalances, for which URDF has no place, are in the `sidecar`.
+    loops; ``<ros2_control>`` names the actuators. Links without mass have no ``<inertial>``. Friction of its
+    joints is ``<dynamics>``. The inertia of motors and the counterbalances, for which URDF has no place, and
+    friction again are in the `sidecar`.
 
     Parameters
     ----------
@@ -56,6 +58,9 @@ def urdf_tree(mechanism: Mechanism) -> ET.Element:
     return root
 
 
+_SMOOTHING = 1e-3  # of `p3dof.loops.JointData`, if it says nothing
+
+
 def sidecar(mechanism: Mechanism) -> str:
     """Return the loop closures and actuated joints as YAML, in the convention of Gepetto's parallel robots.
 
@@ -68,26 +73,37 @@ def sidecar(mechanism: Mechanism) -> str:
     -------
     str
         ``closed_loop``: pairs of frames; ``type``: ``3d`` (point closures) for each; ``name_mot``: the
-        actuated joints; ``joint_data``: inertia of motors and screws, and counterbalances, if there are any.
+        actuated joints; ``joint_data``: inertia of motors and screws, counterbalances and friction, if there
+        are any; ``bushings``: viscous friction at a rate that no joint has. `ModelWarning` of the Coulomb
+        friction at such a rate.
     """
     data: dict[str, Any] = {
         "closed_loop": [[closure.frame1, closure.frame2] for closure in mechanism.closures],
         "type": ["3d"] * len(mechanism.closures),
         "name_mot": list(mechanism.actuated),
     }
-    drives = [_drive(joint) for joint in mechanism.moving if joint.armature or joint.balanced]
-    if drives:
-        data["joint_data"] = drives
+    tell_friction(mechanism, "A closed-loop model", ("damping", "friction"), ("damping",))
+    acting = [_acting(joint, mechanism.smoothing) for joint in mechanism.moving]
+    if said := [entry for entry in acting if len(entry) > 1]:
+        data["joint_data"] = said
+    if dampers := [drag for drag in mechanism.drags if drag.damping]:
+        data["bushings"] = [
+            {"frames": [d.link1, d.link2], "damping": [0, 0, 0, 0, d.damping, 0], "name": d.name}
+            for d in dampers
+        ]  # the pitch of Drake's bushings is the turn about y
     header = "# Written by p3dof: the loops that the URDF beside this file leaves open.\n"
     return header + yaml.safe_dump(
         data, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110
     )
 
 
-def _drive(joint: Joint) -> dict[str, Any]:
-    """Return what motor and counterbalance add in a joint, as `p3dof.loops.JointData` has it."""
-    values = {"armature": joint.armature, "force": joint.force, "stiffness": joint.stiffness}
-    return {"joint": joint.name, **{key: value for key, value in values.items() if value}}
+def _acting(joint: Joint, smoothing: float) -> dict[str, Any]:
+    """Return what motor, counterbalance and friction add in a joint, as `p3dof.loops.JointData` has it."""
+    names = ("armature", "force", "stiffness", "damping", "friction")
+    found = {name: value for name in names if (value := getattr(joint, name))}
+    if joint.friction and smoothing != _SMOOTHING:
+        found["smoothing"] = smoothing
+    return {"joint": joint.name, **found}
 
 
 def _origin(parent: ET.Element, placement: Placement) -> None:
@@ -131,6 +147,8 @@ def _joint(root: ET.Element, joint: Joint) -> None:
         names = ("lower", "upper", "effort", "velocity")
         sub(element, "axis", xyz=numbers(joint.axis))
         sub(element, "limit", **{name: numbers(getattr(joint.limits, name)) for name in names})
+    if joint.damping or joint.friction:
+        sub(element, "dynamics", damping=numbers(joint.damping), friction=numbers(joint.friction))
     if joint.mimic is not None:
         sub(element, "mimic", joint=joint.mimic.joint, multiplier=numbers(joint.mimic.multiplier), offset="0")
 
@@ -160,11 +178,13 @@ def drake(mechanism: Mechanism) -> str:
     the parallelogram a second time. Each loop is a ``<drake:ball_constraint>`` between the origins of its two
     frames. Drake keeps them in discrete plants only (a continuous one refuses to move), and neither its
     inverse dynamics nor its mass matrix know of them. What a URDF has no place for is left to the reader:
-    gravity, and a weld of the root to the world. Inertia of motors is that of a rotor with a gear of 1.
+    gravity, and a weld of the root to the world. Inertia of motors is that of a rotor with a gear of 1. Drake
+    has viscous friction alone.
 
     Drake, "Parsing Models for MultibodyPlant", tag drake:ball_constraint.
     """
-    joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
+    tell_friction(mechanism, "Drake's URDF", ("damping",))
+    joints = tuple(replace(joint, mimic=None, friction=0.0) for joint in mechanism.joints)
     root = urdf_tree(replace(mechanism, joints=joints))
     root.set("xmlns:drake", NAMESPACE)
     for joint in mechanism.moving:
@@ -215,6 +235,7 @@ def urdf_plus(mechanism: Mechanism) -> str:
     joints = tuple(replace(joint, mimic=None) for joint in mechanism.joints)
     for joint in joints:
         require_no_drive(joint, "URDF+")
+    tell_friction(mechanism, "URDF+", ("damping", "friction"))
     root = urdf_tree(replace(mechanism, joints=joints))
     passive = {joint.name for joint in mechanism.passive}
     for element in root.iter("joint"):

@@ -19,6 +19,7 @@ from p3dof.machine.description.mechanism import (
     Placement,
     Solid,
     require_no_drive,
+    tell_friction,
 )
 from p3dof.machine.parameters import Body
 from p3dof.machine.parameters.body import steiner
@@ -38,7 +39,7 @@ def usd(mechanism: Mechanism) -> str:
 
     Lengths and placements are doubles; UsdPhysics itself keeps masses, inertias, joint frames and limits in
     single precision, angles in degrees. It has no limits of velocity and no inertia of
-    motors: they are written for Newton and PhysX.
+    motors: they are written for Newton and PhysX. It has no friction of joints.
 
     openusd.org, UsdPhysics: Rigid Body Physics in USD.
     """
@@ -46,6 +47,7 @@ def usd(mechanism: Mechanism) -> str:
         from pxr import Usd
     except ImportError as error:
         raise MissingExtraError("USD stages need usd-core: pip install 'p3dof[usd]'") from error
+    tell_friction(mechanism, "USD")
     return _Stage(mechanism, Usd.Stage.CreateInMemory()).text()
 
 

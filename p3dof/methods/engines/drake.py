@@ -56,7 +56,7 @@ class DrakeEngine(Engine):
         """Return a plant, its root welded to the world; with the springs of balances, if it is to move."""
         plant = library("pydrake.multibody.plant", self.name).MultibodyPlant(step)
         parser = library("pydrake.multibody.parsing", self.name).Parser(plant)
-        parser.AddModelsFromString(drake(self._mechanism.without_balance()), "urdf")
+        parser.AddModelsFromString(drake(self._mechanism.bare()), "urdf")
         plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(self._mechanism.links[0].name))
         plant.mutable_gravity_field().set_gravity_vector(self.parameters.gravity)
         for joint in self._mechanism.moving if springs else ():

@@ -90,7 +90,7 @@ def page_document(
     row = engine_row(robot.parameters)
     limits = robot.parameters.limits
     document = as_document(
-        robot.loop,
+        robot.bare_loop,
         title,
         ("p3dof", hashlib.sha256(np.array(row, "<f8").tobytes()).hexdigest()),
         machine_scene(robot),

@@ -29,7 +29,7 @@ class Machine(Drawable, Protocol):
         """Its measures and limits."""
 
     @property
-    def loop(self) -> ClosedLoopModel:
+    def bare_loop(self) -> ClosedLoopModel:
         """The same with its loop closures."""
 
     @property
