@@ -116,6 +116,45 @@ def test_random_bytes_are_survived(written, tmp_path, name, compiler):
     assert "20000 calls of each function" in done.stdout
 
 
+CALLED = {
+    "five_bar": ["start", "follow"],
+    "leg": ["observe"],
+    "stewart": ["start", "follow", "observe", "estimate"],
+}
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_what_a_controller_calls_is_timed(written, tmp_path, name):
+    """With the functions of the table; what sleeps for 40 us takes them."""
+    folder = shutil.copytree(written / name, tmp_path / name)
+    flags = f"CC={CC}", "STANDARD=-std=gnu99", "CFLAGS=-O0", f"WARNINGS={WARNINGS}"
+    source, slow = folder / f"{name}.c", CALLED[name][-1]
+    text = source.read_text(encoding="utf-8")
+    head = re.search(rf"^{name}_status {name}_{slow}\([^)]*\)\n{{\n", text, re.M).group()
+    sleep = "    nanosleep(&(const struct timespec){0, 40000}, NULL);\n"
+    source.write_text("#include <time.h>\n" + text.replace(head, head + sleep), encoding="utf-8")
+    built = make(folder, f"{name}_selftest", *flags)
+    assert (built.returncode, built.stderr) == (0, "")
+    command = [folder / f"{name}_selftest", "--time", "500"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    found = re.findall(r"^(\w+) +([\d.]+) +(\d+) +(\d+)$", done.stdout, re.M)
+    assert [row[0] for row in found][-len(CALLED[name]) :] == CALLED[name]
+    assert {"inverse_dynamics", "forward_dynamics"} < {row[0] for row in found}
+    for row in found:
+        mean, usual, worst = map(float, row[1:])
+        assert 0 < usual <= worst
+        if row[0] == slow:
+            assert mean >= 40_000
+            assert usual >= 40_000
+    # A call that fails is no time of the function.
+    source.write_text(text.replace(head, f"{head}    return {name.upper()}_OPEN;\n"), encoding="utf-8")
+    make(folder, f"{name}_selftest", *flags[:-1], "WARNINGS=")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"FAILED: {slow}: a timed call" in done.stdout
+
+
 def of_small(folder, name, flags, calls):
     """The self test of a robot's C, with flags for small processors, and its calls with random bytes."""
     done = make(folder, "check", "CC=gcc", "STANDARD=-std=c99", f"CFLAGS={flags}", f"LDFLAGS={flags}")
