@@ -34,7 +34,7 @@ def dynamics(file, folder):
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
-        accelerate = dynamics(HERE.parent / "_static/gallery/five_bar.urdf", made)
+        accelerate = dynamics("gallery/five_bar.urdf", made)
         print(accelerate)
         print(accelerate([2.0, 1.1, 0.5, -0.3], [1.0, 2.0]), "rad/s²")
         print(accelerate.jacobian()([2.0, 1.1, 0.5, -0.3], [1.0, 2.0], [])[1], "1/(kg m²)")

@@ -4,7 +4,7 @@ import tempfile
 
 import casadi
 import numpy as np
-from casadi_robot import HERE, dynamics
+from casadi_robot import dynamics
 
 DOWN, UP = np.full(2, -np.pi / 2), np.full(2, np.pi / 2)
 OPTIONS = {"hessian_approximation": "limited-memory", "print_level": 0, "sb": "yes"}
@@ -40,5 +40,5 @@ def swing_up(accelerate, nodes=30, step=0.05, limit=1.8):
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
-        _, torques, least = swing_up(dynamics(HERE.parent / "_static/gallery/five_bar.urdf", made))
+        _, torques, least = swing_up(dynamics("gallery/five_bar.urdf", made))
     print("cost:", least, "largest torque [N m]:", np.abs(torques).max())

@@ -1,14 +1,11 @@
 """A five-bar swings up by motors that cannot hold its arms level: Crocoddyl's FDDP with bounded torques."""
 
-from pathlib import Path
-
 import crocoddyl
 import numpy as np
 from crocoddyl_robot import RobotAction
 
 import p3dof
 
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 DOWN, UP = np.full(2, -np.pi / 2), np.full(2, np.pi / 2)
 NODES, STEP = 30, 0.05  # s
 
@@ -49,7 +46,7 @@ def simulate(robot, solver):
 
 
 if __name__ == "__main__":
-    five_bar = p3dof.load_robot(GALLERY / "five_bar.urdf")
+    five_bar = p3dof.load_robot("gallery/five_bar.urdf")
     solved = swing_up(five_bar)
     run = simulate(five_bar, solved)
     print("iterations:", solved.iter, "largest torque [N m]:", np.abs(solved.us).max())

@@ -1,14 +1,10 @@
 """Forces of a closed-loop robot as a JAX function, with exact derivatives in both modes."""
 
-from pathlib import Path
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 import p3dof
-
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 
 
 def inverse_dynamics(robot):
@@ -52,7 +48,7 @@ def inverse_dynamics(robot):
 
 if __name__ == "__main__":
     with jax.enable_x64(True):
-        forces = inverse_dynamics(p3dof.load_robot(GALLERY / "five_bar.urdf"))
+        forces = inverse_dynamics(p3dof.load_robot("gallery/five_bar.urdf"))
         square = jax.jit(jax.vmap(jax.value_and_grad(lambda x: jnp.sum(forces(x) ** 2))))
         values, gradients = square(
             jnp.linspace(1.0, 1.1, 1000)[:, None] * jnp.array([2.0, 1.1, 0.5, -0.3, 1, 2])

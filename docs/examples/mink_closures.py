@@ -10,8 +10,6 @@ import pinocchio as pin
 
 import p3dof
 
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
-
 
 def reach(robot, frame, target, strict=True, gain=1.0, steps=30):
     """Return the actuated joints and the errors of all closures on the way of a frame to a target.
@@ -37,7 +35,7 @@ def reach(robot, frame, target, strict=True, gain=1.0, steps=30):
 
 
 if __name__ == "__main__":
-    stewart = p3dof.load_robot(GALLERY / "stewart.urdf")
+    stewart = p3dof.load_robot("gallery/stewart.urdf")
     goal = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.05, 0.2), np.array([0.03, 0.02, 0.52]))
     legs, errors = reach(stewart, "platform", goal)
     ours = stewart.assemble(p3dof.FrameTarget("platform", goal)).q

@@ -1,14 +1,10 @@
 """Differential inverse kinematics of a closed-loop robot in Pink, its closures a task or a constraint."""
 
-from pathlib import Path
-
 import numpy as np
 import pink
 import pinocchio as pin
 
 import p3dof
-
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 
 
 class ClosureTask(pink.tasks.Task):
@@ -51,7 +47,7 @@ def reach(robot, frame, target, strict=True, gain=1.0, steps=30):
 
 
 if __name__ == "__main__":
-    stewart = p3dof.load_robot(GALLERY / "stewart.urdf")
+    stewart = p3dof.load_robot("gallery/stewart.urdf")
     goal = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.05, 0.2), np.array([0.03, 0.02, 0.52]))
     q = reach(stewart, "platform", goal)[-1]
     ours = stewart.assemble(p3dof.FrameTarget("platform", goal)).q

@@ -1,7 +1,6 @@
 """Forces and accelerations of a closed-loop robot in MJX, by the MJCF that p3dof writes; exact loops."""
 
 import tempfile
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -55,6 +54,6 @@ class RobotInMjx:
 
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
-    robot = RobotInMjx(p3dof.load_robot(Path(__file__).parents[1] / "_static/gallery/five_bar.urdf"))
+    robot = RobotInMjx(p3dof.load_robot("gallery/five_bar.urdf"))
     home = robot.mujoco.key_qpos[0]
     print(jax.jit(robot.forces)(home, 0 * home, 0 * home))

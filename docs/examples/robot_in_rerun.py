@@ -4,15 +4,12 @@ python docs/examples/robot_in_rerun.py run.rrd && rerun run.rrd
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import rerun as rr
 
 import p3dof
-
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 
 
 def log_bodies(recording, loop, at="robot"):
@@ -47,7 +44,7 @@ def log_motion(recording, loop, time, q, series, at="robot"):
 
 if __name__ == "__main__":
     path = sys.argv[1] if len(sys.argv) > 1 else "run.rrd"
-    robot = p3dof.load_robot(GALLERY / "stewart.urdf")
+    robot = p3dof.load_robot("gallery/stewart.urdf")
     control = p3dof.runs.JointPD(
         robot, np.full(6, 0.6) + 0.04 * (-1.0) ** np.arange(6), 4e3, 2e2, gravity=True
     )

@@ -7,8 +7,7 @@ import numpy as np
 import p3dof
 from p3dof.runs import JointPD, RobotMeasurement, simulate_robot
 
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
-FILES = [GALLERY / "five_bar.urdf", GALLERY / "five_bar.yaml"]
+FILES = [Path(p3dof.model_files.path("gallery/five_bar")).with_suffix(end) for end in (".urdf", ".yaml")]
 KP, KD = 20.0, 0.5  # [N m/rad], [N m s/rad]
 
 

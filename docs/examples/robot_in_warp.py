@@ -1,15 +1,12 @@
 """Forces of a closed-loop robot in MuJoCo Warp, many motions at once, by the MJCF that p3dof writes."""
 
 import tempfile
-from pathlib import Path
 
 import mujoco
 import mujoco_warp as mjw
 import numpy as np
 
 import p3dof
-
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 
 
 class RobotInWarp:
@@ -46,6 +43,6 @@ class RobotInWarp:
 
 
 if __name__ == "__main__":
-    robot = RobotInWarp(p3dof.load_robot(GALLERY / "five_bar.urdf"), count=2)
+    robot = RobotInWarp(p3dof.load_robot("gallery/five_bar.urdf"), count=2)
     home = np.tile(robot.mujoco.key_qpos[0], (2, 1))
     print(robot.forces(home, 0 * home, np.zeros_like(home)))

@@ -1,14 +1,12 @@
 """Gymnasium: a linkage whose motor is too weak to lift it, and has to swing it up; many runs at once."""
 
-from pathlib import Path
-
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
 import p3dof
 
-FILE = Path(__file__).parents[1] / "_static/gallery/four_bar.urdf"
+FILE = "gallery/four_bar.urdf"
 TORQUE, PERIOD, STEPS = 0.6, 0.02, 250  # of the motor [N m], which needs 1.7 to lift it; [s]; of an episode
 SPEED = 20.0  # [rad/s]: what is faster ends an episode
 

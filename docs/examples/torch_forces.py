@@ -1,13 +1,9 @@
 """Forces of a closed-loop robot as a differentiable function in PyTorch, with exact gradients."""
 
-from pathlib import Path
-
 import numpy as np
 import torch
 
 import p3dof
-
-GALLERY = Path(__file__).parents[1] / "_static/gallery"
 
 
 def inverse_dynamics(robot):
@@ -54,7 +50,7 @@ def inverse_dynamics(robot):
 
 
 if __name__ == "__main__":
-    forces = inverse_dynamics(p3dof.load_robot(GALLERY / "five_bar.urdf"))
+    forces = inverse_dynamics(p3dof.load_robot("gallery/five_bar.urdf"))
     x = torch.tensor([2.0, 1.1, 0.5, -0.3, 1.0, 2.0], dtype=torch.float64).repeat(1000, 1).requires_grad_()
     forces(x).square().sum().backward()
     print("forces [N m]:", forces(x)[0].tolist(), "gradient of their squares:", x.grad[0].tolist())

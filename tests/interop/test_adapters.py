@@ -3,6 +3,7 @@
 import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -59,6 +60,12 @@ def imported(path):
     return found
 
 
+def with_imported(name):
+    """Return an example, what goes with it in another language, and the examples that these import."""
+    others = imported(FOLDER / f"{name}.py") & {path.stem for path in PROGRAMS}
+    return {path for path in EXAMPLES if path.stem == name}.union(*map(with_imported, others))
+
+
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
 def test_an_example_is_short_and_shown_whole(path):
     text = path.read_text(encoding="utf-8")
@@ -96,10 +103,13 @@ def test_what_adapters_serve_is_pinned():
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in LIBRARIES]
 )
-def test_an_example_runs_as_a_program(name, tmp_path):
+def test_an_example_runs_where_it_was_copied_to(name, tmp_path):
+    """With the examples that it imports, and nothing else of the repository."""
     for library in LIBRARIES[name]:
         pytest.importorskip(library, reason=f"{library} not installed")
-    command = [sys.executable, FOLDER / f"{name}.py", *ARGUMENTS.get(name, [])]
+    for path in with_imported(name):
+        shutil.copy(path, tmp_path)
+    command = [sys.executable, f"{name}.py", *ARGUMENTS.get(name, [])]
     quiet = os.environ | {"MPLBACKEND": "Agg"}
     done = subprocess.run(command, cwd=tmp_path, env=quiet, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -74,7 +74,7 @@ def test_the_reward_is_the_share_of_the_potential_energy():
 
 def test_a_robot_with_several_motors_is_told():
     with pytest.raises(ValueError, match="expected a robot with one motor, got left_motor, right_motor"):
-        swing_up.SwingUpVector(1, swing_up.FILE.with_stem("five_bar"))
+        swing_up.SwingUpVector(1, "gallery/five_bar")
 
 
 def rise(generations, steps, share, **options):
