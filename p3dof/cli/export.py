@@ -10,7 +10,7 @@ from typing import TypeVar
 import click
 from rich.console import Console
 
-from p3dof._base.errors import MissingExtraError
+from p3dof._base.errors import MissingExtraError, ModelError, P3dofError
 from p3dof._base.files import together
 from p3dof._base.model_files import PACKAGE_PATH
 from p3dof.cli.app import app
@@ -53,8 +53,9 @@ def urdf(parameters: Path | None, out: Path | None, check: bool, force: bool, ex
     type=click.Choice(("all", *description.FORMATS, _SCENE, _ROS2)),
     multiple=True,
     default=("all",),
-    help="Format to write; repeatable. Not part of all are glb, the moving machine for browsers, "
-    "presentations and Blender, and ros2, a package for ROS 2.",
+    help="Format to write; repeatable. all leaves out, with the reason, what cannot hold the machine, as its "
+    "counterbalances, or whose library is not installed. Not part of all are glb, the moving machine for "
+    "browsers, presentations and Blender, and ros2, a package for ROS 2.",
 )
 @click.option(
     "--motion",
@@ -86,7 +87,7 @@ def export(
         return _write_ros2(parameters, out or Path("out/ros2"), prefix, force)
     whole = "all" in formats
     chosen = tuple(description.FORMATS) if whole else tuple(dict.fromkeys(formats))
-    return _write_or_check(Job(parameters, out, chosen, force=force, skip_missing=whole), check)
+    return _write_or_check(Job(parameters, out, chosen, force=force, skip=whole), check)
 
 
 def _write_scene(parameters: Path | None, motion_file: Path | None, folder: Path) -> int:
@@ -129,24 +130,30 @@ class Job:
     formats: tuple[str, ...]  # names in `p3dof.machine.description.FORMATS`
     exact: bool = False  # whether massless links stay so
     force: bool = False  # whether to write over foreign files
-    skip_missing: bool = False  # whether to pass over a format, aloud, whose library is not installed
+    skip: bool = False  # whether to say which formats cannot hold the machine or be written here, and go on
 
     @property
     def folder(self) -> Path:
         """Where the files are: those of the paper's machine have a place of their own."""
         return self.out or Path("urdf" if self.parameters is None else "out/urdf")
 
-    def of_each(self, act: Callable[[str], list[T]]) -> list[T]:
-        """Do something with every format that can be written here."""
-        return [item for name in self.formats for item in self._of_one(name, act)]
+    def of_each(self, folder: Path, act: Callable[[str], list[T]]) -> list[T]:
+        """Do something with every format that can be written here, one at least."""
+        done, left_out = list[T](), dict[str, P3dofError]()
+        for name in self.formats:
+            done += self._of_one(name, act, left_out)
+        for name, error in left_out.items():
+            old = [str(folder / file) for file in description.FORMATS[name] if (folder / file).exists()]
+            say(f"{name} left out: {error}" + f"; {' and '.join(old)} stays as it was" * bool(old))
+        return done
 
-    def _of_one(self, name: str, act: Callable[[str], list[T]]) -> list[T]:
+    def _of_one(self, name: str, act: Callable[[str], list[T]], left_out: dict[str, P3dofError]) -> list[T]:
         try:
             return act(name)
-        except MissingExtraError as error:
-            if not self.skip_missing:
+        except (MissingExtraError, ModelError) as error:
+            left_out[name] = error
+            if not self.skip or len(left_out) == len(self.formats):
                 raise
-            say(f"{name} left out: {error}")
             return []
 
 
@@ -174,12 +181,14 @@ def _write_or_check(job: Job, check: bool) -> int:
             folder = Path(PACKAGE_PATH)
             say("there is no folder urdf here: the files that come with p3dof are checked")
         machine = machine_of(job.parameters).parameters
-        found = job.of_each(lambda name: description.check(machine, folder, (name,), job.exact))
+        found = job.of_each(folder, lambda name: description.check(machine, folder, (name,), job.exact))
         return print_check({folder: found})
     protect((job.parameters,), [folder / file for name in job.formats for file in description.FORMATS[name]])
     machine, console = machine_of(job.parameters).parameters, Console()
     say_payloads(console, machine, job.parameters)
     with together():
-        written = job.of_each(lambda name: description.write(machine, folder, (name,), job.exact, job.force))
+        written = job.of_each(
+            folder, lambda name: description.write(machine, folder, (name,), job.exact, job.force)
+        )
     print_written(console, written)
     return 0

@@ -18,7 +18,7 @@ from documents import ROOT
 import p3dof
 from p3dof.cli.app import COMMANDS, app
 from p3dof.closed_form import compiled
-from p3dof.machine.parameters import PAPER
+from p3dof.machine.parameters import PAPER, Actuators, write_parameters
 
 
 def test_compare_on_the_papers_motion(tmp_path, capsys, monkeypatch):
@@ -354,6 +354,38 @@ def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     one_line(done.returncode, done.stderr)
+
+
+def test_export_leaves_out_formats_that_cannot_hold_the_machine(tmp_path, capsys):
+    """Aloud, each with its reason; what was written before for another machine is named."""
+    machine, out = tmp_path / "machine.yaml", tmp_path / "model"
+    write_parameters(replace(PAPER, actuators=Actuators(counterbalance={"slide_a": 30.0})), machine)
+    stale = out / "p3dof.sdf"
+    stale.parent.mkdir()
+    stale.write_text("of another machine")
+    for more in ((), ("--check",)):
+        code, told, err = run(capsys, "export", "--parameters", machine, "--out", out, *more)
+        assert code == 0, err
+        for name in ("drake", "sdf", "urdf+"):
+            (line,) = (one for one in err.splitlines() if one.startswith(f"p3dof: {name} left out: "))
+            assert "has no word for a counterbalance, which slide_a has" in line
+            assert line.endswith(f"; {stale} stays as it was") == (name == "sdf")
+        assert "p3dof: usd left out: " in err
+    names = {"p3dof.urdf", "p3dof.yaml", "p3dof_mjcf.xml", "p3dof.srdf"}
+    assert {path.name for path in out.iterdir()} == names | {stale.name}
+    assert stale.read_text() == "of another machine"
+    assert "up to date" in told
+    # What is asked for by name is an error, and so is a file that another format cannot write: nothing is.
+    other = tmp_path / "other"
+    asked = ("--format", "urdf", "--format", "sdf")
+    code, _, err = run(capsys, "export", "--parameters", machine, "--out", other, *asked)
+    assert code == 2
+    one_line(code, err)
+    assert not other.exists()
+    (out / "p3dof.srdf").write_text("mine")
+    (out / "p3dof.urdf").unlink()
+    assert run(capsys, "export", "--parameters", machine, "--out", out)[0] == 2
+    assert not (out / "p3dof.urdf").exists()
 
 
 def test_export_writes_and_checks_every_format(tmp_path, capsys):
