@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from p3dof._base.checks import FloatArray, Progress, batch_of, warn_caller
 from p3dof._base.errors import InputError
 from p3dof._base.outputs import result_in
-from p3dof._base.samples import OnInvalid, unit_hint
+from p3dof._base.samples import OnInvalid
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled import MachineKernels
 from p3dof.closed_form.kinematics import InverseKinematics, MechanismMotion, Singularity
@@ -67,7 +67,15 @@ def load(
 _WATCHED, _ROWS = 1000, 64
 """In how many calls the units of poses and loads are watched, and of how many rows of each."""
 _MUCH = 10
-"""How many times what the machine reaches, or its actuators bear, is taken for another unit."""
+"""How many times what the machine reaches, or its actuators bear and do, is taken for another unit."""
+_FAST = 98.1  # acceleration that no machine is too weak for here [m/s²]
+_UNITS = (
+    ("m: mm", "rad: degrees"),
+    ("m/s: mm/s", "rad/s: degrees/s"),
+    ("m/s²: mm/s²", "rad/s²: degrees/s²"),
+    ("N: mN", "N m: N mm"),
+)
+"""Of poses, their rates, and loads: the units there are, and those that large numbers seem to be in."""
 
 
 class Manipulator:
@@ -114,30 +122,45 @@ class Manipulator:
 
     def __init__(self, parameters: Parameters | None = None) -> None:
         self._model = ManipulatorModel(PAPER if parameters is None else parameters)
-        self._watched = _WATCHED
+        self._watched, self._told = _WATCHED, set[str]()
 
-    def _watch(self, pose: Any, *, wrench: Any = None) -> None:
-        """Warn once of poses and loads that seem to be in other units; only at the first calls."""
+    @cached_property
+    def _most(self) -> list[tuple[FloatArray, tuple[str, str]]]:
+        """How large pose, rates and load are at most in their units; those, and the likely other ones."""
+        p = self._model.parameters
+        g, limits = p.geometry, p.limits
+        travel, tilt = max(map(abs, limits.travel)), max(np.pi, *map(abs, limits.tilt))
+        reach, speed, force = (_MUCH * most for most in (travel + g.L + g.r, limits.speed, limits.force))
+        gain = max(3 * force / p.bodies.mass, _MUCH * _FAST)
+        pairs = (reach, tilt), (speed, speed / g.r), (gain, gain / g.r), (3 * force, force * (g.R + g.L))
+        axes = (2, 1), (2, 1), (2, 1), (3, 3)
+        return list(zip(map(np.repeat, pairs, axes), _UNITS, strict=True))
+
+    def _watch(self, *motion: Any, wrench: Any = None) -> None:
+        """Warn of what of pose, rates and load seems to be in another unit, once each; at the first calls."""
         if not self._watched:
             return
         self._watched -= 1
-        g, limits = self._model.parameters.geometry, self._model.parameters.limits
-        rows: FloatArray = np.asarray(pose).reshape(-1, 3)
-        rows = rows[:: -(len(rows) // _ROWS + 1)]  # the last one, too
-        travel, tilt = max(map(abs, limits.travel)), max(np.pi, *map(abs, limits.tilt))
-        reach = _MUCH * (travel + g.L + g.r)
-        told = "" if (np.abs(rows) <= (reach, reach, tilt)).all() else unit_hint(rows, reach, tilt)
-        if wrench is not None and not told:
-            force, moment = np.abs(np.asarray(wrench)).reshape(-1, 2, 3).max(axis=(0, 2), initial=0.0)
-            told += f" ({moment:g} N m: N mm?)" if moment > _MUCH * limits.force * (g.R + g.L) else ""
-            told += f" ({force:g} N: mN?)" if force > _MUCH * 3 * limits.force else ""
+        told = []
+        for given, (most, units) in (*zip(motion, self._most, strict=False), (wrench, self._most[-1])):
+            if given is None:
+                continue
+            rows: FloatArray = np.asarray(given).reshape(-1, len(most))
+            rows = np.abs(rows[:: -(len(rows) // _ROWS + 1)])  # the last one, too
+            if (rows <= most).all():
+                continue
+            sizes = np.where(np.isfinite(rows) & (rows > most), rows, 0.0).max(axis=0, initial=0.0)
+            linear = len(most) - len(most) // 2
+            for size, unit in zip((sizes[:linear].max(), sizes[linear:].max()), units, strict=True):
+                if size > 0 and unit not in self._told:
+                    self._told.add(unit)
+                    told.append(f"{size:g} {unit}?")
         if told:
-            self._watched = 0
-            warn_caller(f"beyond what the machine can do{told}: units are m, rad, N and N m")
+            warn_caller(f"beyond what the machine can do ({', '.join(told)}): units are m, rad, s, N and N m")
 
     def _states(self, pose: ArrayLike, *motion: ArrayLike, **others: Any) -> States:
         states = states_of(pose, *motion, **others)
-        self._watch(states.pose, wrench=states.wrench)
+        self._watch(*states[: 1 + len(motion)], wrench=states.wrench)
         return states
 
     # No `__getattr__` that suggests names, as of results: all attributes would be slower, and Python does so.
@@ -350,7 +373,7 @@ class Manipulator:
             found = one.forces(out, pose, velocity, acceleration, wrench, on_invalid)
             if found is not None:
                 if self._watched:
-                    self._watch(pose, wrench=wrench)
+                    self._watch(pose, velocity, acceleration, wrench=wrench)
                 return found
         states = self._states(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(dynamics.forces, states))
@@ -373,7 +396,7 @@ class Manipulator:
             found = one.accelerate(out, pose, velocity, forces, wrench, on_invalid)
             if found is not None:
                 if self._watched:
-                    self._watch(pose, wrench=wrench)
+                    self._watch(pose, velocity, wrench=wrench)
                 return found
         states = self._states(pose, velocity, forces=forces, wrench=wrench, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(dynamics.accelerate, states))
@@ -497,7 +520,7 @@ class Manipulator:
         from p3dof.analysis.sampling import warnings_about
 
         dynamics, states = self._model.methods[method], states_over(motion, wrench, on_invalid)
-        self._watch(motion.pose, wrench=states.wrench)
+        self._watch(motion.pose, motion.velocity, motion.acceleration, wrench=states.wrench)
         solution, crossings = without_crossings(motion, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
         examine = partial(warnings_about, self._model.parameters, wrench=history)

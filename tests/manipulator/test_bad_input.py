@@ -378,39 +378,56 @@ def moved(waypoints, machine=ROBOT, **options):
 UNITS = {  # what is given in other units, and the line that a user gets
     "15 degrees": (
         lambda robot: robot.forces([0, 0, 15], ZERO, ZERO),
-        "beyond what the machine can do (15 rad: degrees?): units are m, rad, N and N m",
+        "beyond what the machine can do (15 rad: degrees?): units are m, rad, s, N and N m",
     ),
     "10 degrees, compiled": (
         lambda robot: robot.forces([0, 0, 10.0], ZERO, ZERO, method="compiled"),
-        "beyond what the machine can do (10 rad: degrees?): units are m, rad, N and N m",
+        "beyond what the machine can do (10 rad: degrees?): units are m, rad, s, N and N m",
     ),
     "a batch in degrees": (
         lambda robot: robot.forces(DEGREES, ZERO, ZERO, method="virtual-power"),
-        "beyond what the machine can do (20 rad: degrees?): units are m, rad, N and N m",
+        "beyond what the machine can do (20 rad: degrees?): units are m, rad, s, N and N m",
     ),
     "rows in degrees, compiled": (
         lambda robot: robot.forces(np.array(DEGREES, float), ZERO, ZERO, method="compiled"),
-        "beyond what the machine can do (20 rad: degrees?): units are m, rad, N and N m",
+        "beyond what the machine can do (20 rad: degrees?): units are m, rad, s, N and N m",
     ),
     "a height in mm": (
         lambda robot: robot.sliders([0, 50, 0]),
-        "beyond what the machine can do (50 m: mm?): units are m, rad, N and N m",
+        "beyond what the machine can do (50 m: mm?): units are m, rad, s, N and N m",
     ),
     "poses in mm that are left NaN": (
         lambda robot: robot.forces([[30, 0, 0]], ZERO, ZERO, on_invalid="nan"),
-        "beyond what the machine can do (30 m: mm?): units are m, rad, N and N m",
+        "beyond what the machine can do (30 m: mm?): units are m, rad, s, N and N m",
     ),
     "a motion in mm": (
         lambda robot: moved([[0, 0, 0], [0, 50, 0]], robot),
-        "beyond what the machine can do (50 m: mm?): units are m, rad, N and N m",
+        "beyond what the machine can do (50 m: mm?, 93.738 m/s: mm/s?): units are m, rad, s, N and N m",
+    ),
+    "a speed in mm/s": (
+        lambda robot: robot.forces(ZERO, [500, 0, 0], ZERO),
+        "beyond what the machine can do (500 m/s: mm/s?): units are m, rad, s, N and N m",
+    ),
+    "rates in degrees/s, compiled": (
+        lambda robot: robot.forces(ZERO, np.array([[0, 0, 0], [0, 0, -250.0]]), ZERO, method="compiled"),
+        "beyond what the machine can do (250 rad/s: degrees/s?): units are m, rad, s, N and N m",
+    ),
+    "a speed in mm/s, forward": (
+        lambda robot: robot.forward_dynamics(ZERO, [0, 300, 0], ZERO),
+        "beyond what the machine can do (300 m/s: mm/s?): units are m, rad, s, N and N m",
+    ),
+    "accelerations in mm/s² and degrees/s²": (
+        lambda robot: robot.forces(ZERO, ZERO, [1000, -2000, 20000]),
+        "beyond what the machine can do (2000 m/s²: mm/s²?, 20000 rad/s²: degrees/s²?): "
+        "units are m, rad, s, N and N m",
     ),
     "a moment in N mm": (
         lambda robot: robot.forces(ZERO, ZERO, ZERO, wrench=[0, 0, -50, 0, 5000, 0]),
-        "beyond what the machine can do (5000 N m: N mm?): units are m, rad, N and N m",
+        "beyond what the machine can do (5000 N m: N mm?): units are m, rad, s, N and N m",
     ),
     "a load in mN": (
         lambda robot: moved([[0, 0, 0], [0, 0, 0.1]], robot, wrench=[0, 0, -50_000, 0, 0, 0]),
-        "beyond what the machine can do (50000 N: mN?): units are m, rad, N and N m",
+        "beyond what the machine can do (50000 N: mN?): units are m, rad, s, N and N m",
     ),
 }
 
@@ -424,6 +441,28 @@ def test_a_pose_beyond_the_machine_warns_once_with_the_likely_unit(given):
     assert [str(warning.message) for warning in told] == [line]
     assert told[0].filename == __file__
     call(robot)  # warnings are errors here
+
+
+def test_each_quantity_in_another_unit_is_told_once_and_a_motion_tells_its_limits_each_time():
+    """A machine that warned of millimetres warns of degrees, too."""
+    robot = p3dof.load()
+    with pytest.warns(p3dof.errors.ModelWarning, match=r"\(50 m: mm\?\)"):
+        robot.forces([0, 50, 0], ZERO, ZERO)
+    motion = Motion(np.linspace(0, 1, 5), np.outer(np.ones(5), [0, 50, 12]), *np.zeros((2, 5, 3)))
+    with pytest.warns(p3dof.errors.ModelWarning, match=r"\(12 rad: degrees\?\)"):
+        first = robot.inverse_dynamics(motion)
+    again = robot.inverse_dynamics(motion)  # warnings are errors here
+    assert "limit exceeded: tilt of platform: 12 rad at t = 0 s, limit 0.785398 rad" in again.warnings
+    assert first.warnings == again.warnings
+
+
+def test_fast_motions_that_a_machine_can_do_warn_of_nothing():
+    """Up to ten times the limit of speed and 98.1 m/s²; what is not finite has errors of its own."""
+    robot = p3dof.load()
+    limits, g = robot.parameters.limits, robot.parameters.geometry
+    fast = 9.9 * limits.speed * np.array([[1, 0, 0], [0, -1, 0], [0, 0, 1 / g.r]])
+    robot.forces(ZERO, fast, [[980, 0, 0], [0, -980, 0], [0, 0, 980 / g.r]])
+    robot.forces([0.1, np.nan, 0], ZERO, [np.inf, 0, 0], on_invalid="nan")
 
 
 CANNOT = {  # what cannot be, and the end of the line that a user gets
