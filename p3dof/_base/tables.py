@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
@@ -28,6 +29,7 @@ Layout: TypeAlias = Literal["plain", "wide", "words", "list"]
 """Numbers in few columns or in many, words, or words in many rows."""
 
 NONE = "–"  # what stands for a number that does not exist
+_MINUS_ZERO = re.compile(r" *-0[.0]*(e[+-]\d+)?%?")
 _WHOLE = 1e-9  # shares no more than this above 1 are the whole: of rounding
 
 
@@ -79,13 +81,19 @@ def number(value: float, unit: str = "", form: str = ".6g") -> Numeral:
 
 def formatted(value: float, form: str, unit: str = "") -> Numeral:
     """Return a number in a format, a share with the unit ``"%"`` as such; a dash for what does not exist."""
-    text = f"{100 * value if unit == '%' else value:{form}} {unit}".rstrip()
+    text = f"{_rounded(100 * value if unit == '%' else value, form)} {unit}".rstrip()
     return Numeral(NONE if math.isnan(value) else text, value)
+
+
+def _rounded(value: float, form: str) -> str:
+    """Return a number in a format; what rounds to zero has no sign, or that of zero."""
+    text = f"{value:{form}}"
+    return f"{0.0:{form}}" if _MINUS_ZERO.fullmatch(text) else text
 
 
 def percent(share: float, decimals: int = 1) -> Numeral:
     """Return a share in percent, with decimals to show what is just above 100; ``"beyond"`` for infinity."""
-    text = f"{share:.{decimals + _more(share, decimals)}%}" if share < math.inf else "beyond"
+    text = _rounded(share, f".{decimals + _more(share, decimals)}%") if share < math.inf else "beyond"
     return Numeral(text, share)
 
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from p3dof._base.files import write_table
+from p3dof._base.tables import formatted
 from p3dof.analysis.identification import MachineForces
 from p3dof.cli.app import app
 from p3dof.cli.files import InputFile, OutputFile, console_beside, protect, source, write_results
@@ -184,7 +185,7 @@ def calibrate(
         print_plain(
             console, f"{held.sum()} poses held out: {told} (design, all legs, one R, r, L), in deviations."
         )
-    offsets = ", ".join(f"{1e3 * x:+.4f}" for x in found.encoders)
+    offsets = ", ".join(formatted(1e3 * x, "+.4f") for x in found.encoders)
     print_plain(console, f"Encoders of the machine with one R, r and L read {offsets} mm too much (A, B, C).")
     tell_noise(console, found.noise)
     print_warnings(console, [f"pose {k + 1}, {name}: does not fit the others" for k, name in found.outliers])

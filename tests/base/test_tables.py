@@ -277,6 +277,19 @@ def test_a_number_in_a_text():
     ]
     assert shown == ["1230", "0 N", "0.25 m", "–"]
     assert [one.value for one in shown[:3]] == [1234.56789, -1e-9, 0.25]
+    signs = [
+        formatted(-1e-9, ".4f"),
+        formatted(-0.0, ".3g", "J"),
+        formatted(-4e-4, "+.1f", "%"),
+        formatted(-0.0, ".1e"),
+    ]
+    assert signs == ["0.0000", "0 J", "+0.0 %", "0.0e+00"]
+    assert [formatted(-5e-5, ".4f"), formatted(-np.inf, ".4f"), percent(-1e-4, 1)] == [
+        "-0.0001",
+        "-inf",
+        "0.0%",
+    ]
+    assert table_of("T", ("a", "b"), {"work done": (-1e-7,)}).aligned() == (("work done", "0.0000"),)
     shown = [formatted(0.2264, "+.1f", "%"), formatted(0.2264, ".1%"), formatted(3e-5, ".1e", "m or rad")]
     assert shown == ["+22.6 %", "22.6%", "3.0e-05 m or rad"]
     assert [one.value for one in shown] == [0.2264, 0.2264, 3e-5]

@@ -263,8 +263,8 @@ def sensitivity_table(found: SobolIndices | LocalSensitivity) -> Table:
     order = np.argsort(-found.total).tolist()
     shares = {
         found.names[i]: (
-            f"{found.first[i]:.3f} ± {found.first_error[i]:.3f}",
-            f"{found.total[i]:.3f} ± {found.total_error[i]:.3f}",
+            f"{formatted(found.first[i], '.3f')} ± {found.first_error[i]:.3f}",
+            f"{formatted(found.total[i], '.3f')} ± {found.total_error[i]:.3f}",
         )
         for i in order
     }
