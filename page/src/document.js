@@ -33,6 +33,8 @@ const OF_RUN = {
     notes: ["string"],
 };
 
+const OF_SOLIDS = { density: { slider: "number", leg: "number", crossbar: "number", platform: "number" }, dimensions: {} };
+
 const OF_NEAREST = { points: "table", distances: "table", pairs: "table", names: ["string"], required: "number" };
 
 /** A document that cannot be shown; the message says why, in one line. */
@@ -141,6 +143,7 @@ function complete(document) {
         for (const key of ["joints", "solids", "labels", "lines", "layers"]) scene[key] ??= [];
     }
     require(document, FORM, "document");
+    if (document.engine.solids !== undefined) require(document.engine.solids, OF_SOLIDS, "document.engine.solids");
     require(document.runs, [{}], "runs");
 }
 
@@ -182,6 +185,7 @@ function checkRun(run, where, document) {
     }
     require(run.curves, curves, `${where}.curves`);
     for (const load of run.loads) tables.push([`load ${load.key}`, load.values]);
+    if (run.solids !== undefined) require(run.solids, OF_SOLIDS, `${where}.solids`);
     if (run.nearest) {
         require(run.nearest, OF_NEAREST, `${where}.nearest`);
         const { points, distances, pairs, names } = run.nearest;

@@ -1,6 +1,6 @@
 // The machine's kinematics and dynamics in the page: generated C as WebAssembly, with the numbers of any machine.
 import { bytesOf } from "./document.js";
-import { JOINTS, NUMBERS, PLACES, changed } from "./machine.js";
+import { JOINTS, NUMBERS, STEEL_SOLIDS, PLACES, changed } from "./machine.js";
 import { RobotEngine } from "./robot_engine.js";
 import { impossible, margins, reasons, told } from "./workspace.js";
 
@@ -48,7 +48,7 @@ export async function load(document, wasm, state) {
         return new RobotEngine((await WebAssembly.instantiate(module, /** @type {any} */ ({ m: Math }))).instance, document, state);
     }
     const { instance } = await WebAssembly.instantiate(bytesOf(wasm, "engine"), {});
-    return new Engine(instance, document.engine.parameters.data);
+    return new Engine(instance, document.engine.parameters.data, document.engine.solids);
 }
 
 export class Engine {
@@ -60,13 +60,16 @@ export class Engine {
     /**
      * @param {WebAssembly.Instance} instance
      * @param {ArrayLike<number>} numbers
+     * @param {import("./types").OfSolids} [solids]
      */
-    constructor(instance, numbers) {
+    constructor(instance, numbers, solids) {
         this.#exports = instance.exports;
         this.#heap = 16 * Math.ceil(this.#exports.__heap_base.value / 16);
         this.#exports.initialise();
         /** The machine of the document. */
         this.original = new Float64Array(NUMBERS);
+        /** What its solids are made of. */
+        this.solids = STEEL_SOLIDS;
         /** The machine that is computed with. @type {Float64Array} */
         this.numbers = this.original;
         /** @type {number[]|null} */
@@ -75,7 +78,7 @@ export class Engine {
         this.whatIf = {};
         /** How often the machine was changed: to know whether something was computed with the present one. */
         this.version = 0;
-        this.take(numbers);
+        this.take(numbers, solids);
     }
 
     /**
@@ -83,7 +86,7 @@ export class Engine {
      * @param {WhatIf} whatIf
      */
     set(whatIf) {
-        const numbers = changed(this.original, whatIf);
+        const numbers = changed(this.original, whatIf, this.solids);
         this.#prepare(numbers);
         this.numbers = numbers;
         this.wrench = whatIf.wrench?.some((part) => part !== 0) ? [...whatIf.wrench] : null;
@@ -101,11 +104,12 @@ export class Engine {
         throw new RangeError("these numbers are not those of a machine");
     }
 
-    /** Takes the machine of another document, unchanged. @param {ArrayLike<number>} numbers */
-    take(numbers) {
+    /** Takes the machine of another document, unchanged. @param {ArrayLike<number>} numbers @param {import("./types").OfSolids} [solids] */
+    take(numbers, solids = STEEL_SOLIDS) {
         if (numbers.length !== NUMBERS)
             throw new Error(`engine: expected ${NUMBERS} numbers of a machine, got ${numbers.length}`);
-        if (this.original.every((value, k) => Object.is(value, numbers[k]))) return;
+        if (this.solids === solids && this.original.every((value, k) => Object.is(value, numbers[k]))) return;
+        this.solids = solids;
         this.original = Float64Array.from(numbers);
         this.set({});
     }

@@ -30,13 +30,31 @@ const PARALLEL = 1e-6;
 
 /** The density of the solids that have the masses of the paper [kg/m^3], and their sizes [m]. */
 const STEEL = 7801.0;
-const SOLIDS = { slider: 0.05, rod: 0.01, plate: 0.05, corner: 0.02 };
+const SIZES = { slider_edge: 0.05, rod_radius: 0.01, plate_thickness: 0.05, corner_radius: 0.02 };
 const PAPER = { r: 0.1, R: 0.25, L: 0.4, b: 0.05 };
+
+/** @typedef {import("./types").OfSolids} OfSolids */
+
+/** Of documents that say nothing of solids. @type {OfSolids} */
+export const STEEL_SOLIDS = { density: { slider: STEEL, leg: STEEL, crossbar: STEEL, platform: STEEL }, dimensions: {} };
+
+/** The densities of solids in words, nothing for steel. @param {OfSolids} solids */
+export function densityText({ density }) {
+    const all = Object.values(density), [least, most] = [Math.min(...all), Math.max(...all)];
+    if (least === STEEL && most === STEEL) return "";
+    return `${least === most ? "" : `${short(least)} to `}${short(most)} kg/m³`;
+}
+
+/** What solids are made of, with something that follows. @param {OfSolids} solids @param {string} rest */
+export function solidsText(solids, rest = "") {
+    const density = densityText(solids);
+    return density ? `solids${rest} (${density})` : `steel solids${rest}`;
+}
 
 /**
  * What is changed of the machine; what is missing is as in the file. Payload [kg] at `below` [m] below P,
  * friction of each slider besides the file's [N s/m, N], lengths [m], gravity [m/s^2]. `bodies` says which bodies
- * a machine of other lengths has: those of the file, or steel solids that are as long as it.
+ * a machine of other lengths has: those of the file, or solids that are as long as it.
  * @typedef {object} WhatIf
  * @property {number} [payload]
  * @property {number} [below]
@@ -61,9 +79,10 @@ export const ACTUATORS = /** @type {const} */ (["armature", "counterbalance", "s
  * Returns the numbers of a machine with something changed.
  * @param {ArrayLike<number>} original
  * @param {WhatIf} whatIf
+ * @param {OfSolids} [solids]
  * @returns {Float64Array}
  */
-export function changed(original, whatIf) {
+export function changed(original, whatIf, solids = STEEL_SOLIDS) {
     const fault = faultOf(original, whatIf), numbers = Float64Array.from(original);
     for (const name of /** @type {const} */ (["r", "R", "L"])) {
         const value = whatIf[name];
@@ -72,7 +91,7 @@ export function changed(original, whatIf) {
     if (fault) throw new RangeError(fault.text);
     if (whatIf.gravity) numbers.set(whatIf.gravity, PLACES.gravity);
     for (const kind of ACTUATORS) numbers.set(whatIf[kind] ?? [], PLACES[kind]);
-    if (whatIf.bodies === "solids") setSolids(numbers);
+    if (whatIf.bodies === "solids") setSolids(numbers, solids);
     for (const kind of /** @type {const} */ (["viscous", "coulomb"])) {
         const value = whatIf[kind] ?? 0;
         for (let slide = 0; slide < SLIDES; ++slide) numbers[PLACES[kind] + slide] += value;
@@ -153,18 +172,20 @@ function carry(numbers, mass, place) {
 const bodyPlace = (link) => PLACES.bodies + BODY * LINKS.indexOf(link);
 
 /**
- * Gives the machine the bodies of steel solids of its lengths: cubes, round rods and the rounded plate, their other
- * sizes those of the paper times the least ratio of the lengths to the paper's.
+ * Gives the machine the bodies of solids of its lengths: cubes, round rods and the rounded plate, their other sizes
+ * those given, else the paper's times the least ratio of the lengths to the paper's.
  * @param {Float64Array} numbers
+ * @param {OfSolids} solids
  */
-function setSolids(numbers) {
+function setSolids(numbers, { density, dimensions }) {
     const [r, R, L, b] = numbers;
     const ratio = Math.min(L / PAPER.L, r / PAPER.r, b / PAPER.b, (R - r) / (PAPER.R - PAPER.r));
-    const edge = ratio * SOLIDS.slider, mass = STEEL * edge ** 3, cube = (mass * edge * edge) / 6;
+    const size = (/** @type {keyof typeof SIZES} */ name) => dimensions[name] ?? ratio * SIZES[name];
+    const edge = size("slider_edge"), mass = density.slider * edge ** 3, cube = (mass * edge * edge) / 6;
     const slider = [mass, 0, 0, 0, cube, 0, 0, cube, 0, cube];
-    const leg = cylinder(ratio * SOLIDS.rod, L, 0, 0);
-    const crossbar = cylinder(ratio * SOLIDS.rod, 2 * b, 1, -b);
-    const platform = plate(r, ratio * SOLIDS.corner, ratio * SOLIDS.plate);
+    const leg = cylinder(density.leg, size("rod_radius"), L, 0, 0);
+    const crossbar = cylinder(density.crossbar, size("rod_radius"), 2 * b, 1, -b);
+    const platform = plate(density.platform, r, size("corner_radius"), size("plate_thickness"));
     for (const link of LINKS) {
         const kind = link.startsWith("slider") ? slider : link.startsWith("crossbar") ? crossbar : leg;
         numbers.set(link === "platform" ? platform : kind, bodyPlace(link));
@@ -173,13 +194,14 @@ function setSolids(numbers) {
 
 /**
  * Returns a round bar along one of the axes.
+ * @param {number} density
  * @param {number} radius
  * @param {number} length
  * @param {number} axis
  * @param {number} start
  */
-function cylinder(radius, length, axis, start) {
-    const mass = STEEL * Math.PI * radius * radius * length;
+function cylinder(density, radius, length, axis, start) {
+    const mass = density * Math.PI * radius * radius * length;
     const across = (mass * (3 * radius * radius + length * length)) / 12, along = (mass * radius * radius) / 2;
     const body = [mass, 0, 0, 0, across, 0, 0, across, 0, across];
     body[1 + axis] = start + length / 2;
@@ -189,11 +211,12 @@ function cylinder(radius, length, axis, start) {
 
 /**
  * Returns the plate: the triangle of the platform's joints, widened all round by a radius.
+ * @param {number} density
  * @param {number} size
  * @param {number} radius
  * @param {number} thickness
  */
-function plate(size, radius, thickness) {
+function plate(density, size, radius, thickness) {
     const corners = [[0, -1], [0, 1], [-1, 0]];
     const pieces = platePieces(corners, size, radius);
     const total = pieces.reduce((sum, piece) => sum + piece.area, 0);
@@ -204,7 +227,7 @@ function plate(size, radius, thickness) {
             (sum, piece) => sum + piece.own[i][j] + piece.area * (piece.at[i] - centre[i]) * (piece.at[j] - centre[j]),
             0,
         );
-    const across = (total * thickness * thickness) / 12, mass = STEEL * thickness;
+    const across = (total * thickness * thickness) / 12, mass = density * thickness;
     const xx = second(1, 1) + across, yy = second(0, 0) + across, zz = second(0, 0) + second(1, 1);
     return [
         mass * total, centre[0], centre[1], 0,

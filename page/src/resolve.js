@@ -85,13 +85,13 @@ export function runOfMotion(engine, document, name, motion) {
         pose: table(motion.pose, 3), velocity: table(motion.velocity, 3), acceleration: table(motion.acceleration, 3),
         ...wrench,
     };
-    const { whatIf, original } = engine;
-    if (document.engine.kind === "p3dof") engine.take(document.engine.parameters.data);
+    const { whatIf, original, solids } = engine;
+    if (document.engine.kind === "p3dof") engine.take(document.engine.parameters.data, document.engine.solids);
     engine.set({});
     try {
         return resolved(engine, document, run, "total");
     } finally {
-        engine.take(original);
+        engine.take(original, solids);
         engine.set(whatIf);
     }
 }

@@ -1,5 +1,6 @@
 // Keeps the run that is shown in step with what is changed: first of all in every refresh.
 import { Engine } from "./engine.js";
+import { STEEL_SOLIDS } from "./machine.js";
 import { gapsOf, peaksOf, resolved } from "./resolve.js";
 
 /** @typedef {import("./types").State} State */
@@ -23,9 +24,12 @@ export function mount(state) {
 
 /** Compute with the machine of a run, or of the document. @param {Engine} engine @param {import("./types").Document} document @param {import("./types").Run} [run] */
 export function takeMachine(engine, { engine: given }, run) {
-    const numbers = run?.parameters ?? (given.kind === "p3dof" ? given.parameters : null);
-    if (numbers) engine.take(numbers.data);
+    const of = run?.parameters ? run : given.kind === "p3dof" ? given : null;
+    if (of?.parameters) engine.take(of.parameters.data, of.solids);
 }
+
+/** What solids of the machine that is shown are made of. @param {State} state */
+export const solidsOf = (state) => engineOf(state)?.solids ?? STEEL_SOLIDS;
 
 /** Whether something is changed of the machine. @param {import("./types").WhatIf} whatIf */
 export const isChanged = (whatIf) => Object.values(whatIf).some((value) => value !== undefined);

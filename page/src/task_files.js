@@ -1,5 +1,5 @@
 // Task files (YAML) and motion files (CSV), as p3dof reads and writes them.
-import { ACTUATORS } from "./machine.js";
+import { ACTUATORS, STEEL_SOLIDS, solidsText } from "./machine.js";
 import { PROFILES, TaskError } from "./paths.js";
 import { YamlError, parseYaml } from "./yaml.js";
 
@@ -119,16 +119,16 @@ function waypoint(data, where) {
 
 /**
  * What is changed of the machine that a task file cannot hold, in words.
- * @param {WhatIf} whatIf @param {Task} task @returns {string[]}
+ * @param {WhatIf} whatIf @param {Task} task @param {import("./types").OfSolids} [solids] @returns {string[]}
  */
-export function leftOut(whatIf, task) {
+export function leftOut(whatIf, task, solids = STEEL_SOLIDS) {
     const { viscous, coulomb, bodies, gravity, wrench } = whatIf;
     const lengths = /** @type {const} */ (["L", "R", "r"]).filter((key) => whatIf[key] !== undefined);
     return [
         viscous ? `viscous friction of ${viscous} N s/m more` : "",
         coulomb ? `Coulomb friction of ${coulomb} N more` : "",
         lengths.length ? `lengths ${lengths.map((key) => `${key} = ${whatIf[key]} m`).join(", ")}` : "",
-        bodies === "solids" ? "steel solids of these lengths" : "",
+        bodies === "solids" ? solidsText(solids, " of these lengths") : "",
         ...ACTUATORS.map((kind) => (whatIf[kind] ? `${kind} (${whatIf[kind].map(short).join(", ")}) of the sliders` : "")),
         gravity ? `gravity (${gravity.map(short).join(", ")}) m/s^2` : "",
         acts(wrench) && task.waypoints.some(({ dwell }) => dwell > 0) ? `the external load (${wrench.map(short).join(", ")}) N, N m during dwells` : "",
@@ -146,9 +146,10 @@ const together = (own, more) => (acts(more) ? more.map((x, i) => x + (own?.[i] ?
 /**
  * The text of a task file: `p3dof plan` makes the same motion of it, and the same forces but for what is `leftOut`.
  * @param {Task} task @param {(number | null)[]} durations of the way to each waypoint [s] @param {WhatIf} whatIf
+ * @param {import("./types").OfSolids} [solids]
  */
-export function writeTask(task, durations, whatIf = {}) {
-    const { payload, below, wrench: load } = whatIf, missing = leftOut(whatIf, task);
+export function writeTask(task, durations, whatIf = {}, solids = STEEL_SOLIDS) {
+    const { payload, below, wrench: load } = whatIf, missing = leftOut(whatIf, task, solids);
     const rows = task.waypoints.map((point, k) => {
         const duration = point.duration ?? durations[k] ?? null, wrench = k ? together(point.wrench, load) : point.wrench;
         const parts = [

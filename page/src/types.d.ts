@@ -52,8 +52,14 @@ export interface Run {
     number?: number;
     /** How its machine differs from the document's, or from `parameters` where these are. */
     machine?: WhatIf;
-    /** The numbers of its machine, where it is another one than the document's. */
+    /** The numbers of its machine, where it is another one than the document's, and what its solids are made of. */
     parameters?: Table;
+    solids?: OfSolids;
+}
+/** Densities of solids [kg/m^3], and those of their sizes that do not follow from the lengths [m]. */
+export interface OfSolids {
+    density: { slider: number; leg: number; crossbar: number; platform: number };
+    dimensions: { slider_edge?: number; rod_radius?: number; plate_thickness?: number; corner_radius?: number };
 }
 export interface Closure {
     name: string; kind: string; joint1: number; placement1: Placement; joint2: number; placement2: Placement;
@@ -68,7 +74,7 @@ export interface Document {
     start?: Start;
     format: 1; title: string; generator: Record<string, string>; machine: { name: string; hash: string };
     scene: Scene; runs: Run[]; closures: Closure[]; inputs: Input[]; limits: Limits;
-    engine: { kind: "p3dof"; parameters: Table } | LoopEngine | { kind: "ask" } | { kind: "none"; why?: string };
+    engine: { kind: "p3dof"; parameters: Table; solids?: OfSolids } | LoopEngine | { kind: "ask" } | { kind: "none"; why?: string };
 }
 /** What a page needs to move a robot by itself. */
 export interface LoopEngine {

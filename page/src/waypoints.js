@@ -7,7 +7,7 @@ import { ANY_PACE, NO_TASK } from "./plan.js";
 import { durationsTo, easyDuration, wrongPace, wrongWaits } from "./planning.js";
 import { peaksOf, runOfMotion } from "./resolve.js";
 import { save } from "./save.js";
-import { engineOf, isChanged } from "./solving.js";
+import { engineOf, isChanged, solidsOf } from "./solving.js";
 import { leftOut, readFile, readMotion, writeTask } from "./task_files.js";
 import { fixed, shown } from "./units.js";
 
@@ -267,7 +267,7 @@ function adding(state) {
 /** Files out. @param {State} state */
 function files(state) {
     const task = make("button", { type: "button", title: "Task file (YAML), for p3dof plan" }, "Save task");
-    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned), state.whatIf), "text/yaml"));
+    task.addEventListener("click", () => save("task.yaml", writeTask(state.task, durationsTo(state.task, state.planned), state.whatIf, solidsOf(state)), "text/yaml"));
     const motion = make("button", { type: "button", title: "Motion file (CSV), for --motion" }, "Save motion");
     motion.addEventListener("click", () => {
         const run = state.document.runs.find(({ computed }) => computed === "waypoints");
@@ -282,7 +282,7 @@ function files(state) {
             task.disabled = waypoints.length < 2 || !state.planned?.plan;
             motion.disabled = !state.planned?.plan;
             task.hidden = motion.hidden = waypoints.length < 2;
-            const left = task.disabled ? [] : leftOut(state.whatIf, state.task);
+            const left = task.disabled ? [] : leftOut(state.whatIf, state.task, solidsOf(state));
             write(missing, left.length ? `A task file cannot hold ${left.join("; ")}: forces of p3dof plan are without it, unless a parameter file has it.` : "");
             missing.hidden = task.hidden || !left.length;
         },

@@ -1,9 +1,9 @@
 // Forces with another machine than the document's: payload, friction, lengths, gravity, external load.
 import { gravityField, wrenchFields } from "./acting.js";
-import { ACTUATORS, PLACES, faultOf } from "./machine.js";
+import { ACTUATORS, PLACES, densityText, faultOf, solidsText } from "./machine.js";
 import { choose, make, mark, write } from "./make.js";
 import { agreement } from "./resolve.js";
-import { engineOf, isChanged } from "./solving.js";
+import { engineOf, isChanged, solidsOf } from "./solving.js";
 import { fixed, shown } from "./units.js";
 
 /** @typedef {import("./types").State} State */
@@ -39,14 +39,15 @@ const ownOf = (state) => state.document.runs[state.run]?.machine ?? {};
 const baseOf = (state, engine, key) => ownOf(state)[key] ?? (key === "L" || key === "R" || key === "r" ? engine.original[PLACES[key]] : 0);
 
 /** What is changed, in few words. @param {State} state @returns {string} */
-export function nameOf({ whatIf, units }) {
+export function nameOf(state) {
+    const { whatIf, units } = state;
     const texts = NUMBERS.flatMap(({ key, label, unit, digits }) => {
         const value = whatIf[key];
         if (value === undefined) return [];
         const { factor, unit: name } = shown(unit, units);
         return `${label.replace(/^… /, "")} ${fixed(value * factor, factor === 1 && unit === "m" ? 3 : digits)} ${name}`;
     });
-    if (whatIf.bodies) texts.push("steel solids");
+    if (whatIf.bodies) texts.push(solidsText(solidsOf(state)));
     if (whatIf.gravity) texts.push("other gravity");
     if (whatIf.wrench) texts.push("external load");
     for (const kind of ACTUATORS) if (whatIf[kind]) texts.push(`${kind} ${whatIf[kind].join(", ")} ${UNITS[kind]}`);
@@ -144,6 +145,13 @@ function numbers(state) {
     };
 }
 
+/** What solids are: their densities, where the list is too narrow to show them, and where their sizes come from. @param {import("./types").OfSolids} solids */
+function solidsNote(solids) {
+    const given = Object.values(solids.dimensions).length, density = densityText(solids);
+    const sizes = given === 4 ? "other sizes are the file's" : `${given ? "sizes of the file, " : ""}other sizes by the least ratio to the paper's`;
+    return `${density ? `${density}: ` : ""}cubes, round rods and the rounded plate, cut to the lengths; ${sizes}`;
+}
+
 /** Which bodies a machine of other lengths has. @param {State} state */
 function bodies(state) {
     const select = make("select", { name: "bodies" });
@@ -153,12 +161,12 @@ function bodies(state) {
     return {
         row,
         show() {
-            choose(select, [["kept", "as in the file"], ["solids", "steel solids of these lengths"]], state.whatIf.bodies ?? ownOf(state).bodies ?? "kept");
+            choose(select, [["kept", "as in the file"], ["solids", solidsText(solidsOf(state), " of these lengths")]], state.whatIf.bodies ?? ownOf(state).bodies ?? "kept");
             const now = { ...ownOf(state), ...state.whatIf }, longer = now.L !== undefined || now.R !== undefined || now.r !== undefined;
             row.hidden = !longer && now.bodies === undefined;
             row.classList.toggle("changed", state.whatIf.bodies !== undefined);
             write(told, now.bodies === "solids"
-                ? "cubes, round rods and the rounded plate, cut to the lengths; other sizes by the least ratio to the paper's"
+                ? solidsNote(solidsOf(state))
                 : longer ? "each body keeps its mass, mass centre and inertia, whatever the lengths" : "");
         },
     };

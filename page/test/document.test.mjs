@@ -29,6 +29,8 @@ const broken = [
     ["a child before its parent", (document) => (document.scene.joints[0].parent = 1, document), /parent 1 does not come before it/],
     ["a column that is not there", (document) => (document.runs[0].curves[0].column = ["q", 9], document), /curve force: the run has no column 9 of q/],
     ["an unknown type", (document) => (document.runs[0].time.dtype = "int64", document), /int64 are not known/],
+    ["solids without a density", (document) => (document.engine = { kind: "p3dof", parameters: table([1], [0]), solids: { density: { leg: 1 }, dimensions: {} } }, document), /engine.solids.density.slider: expected a number/],
+    ["solids of a run that are none", (document) => (document.runs[0].solids = 3, document), /runs\[0\].solids: expected fields/],
     ["a load without its curve", (document) => (document.runs[0].curves = [], document), /load force has no curve force/],
 ];
 for (const [name, change, message] of broken) {

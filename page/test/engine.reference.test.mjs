@@ -13,9 +13,9 @@ const reference = file ? JSON.parse(readFileSync(file, "utf8")) : null;
 const options = { skip: reference ? false : "P3DOF_REFERENCE names no file: pytest tests/viewer/test_page_engine.py writes one" };
 const SHARE = 1e-12;
 
-/** @param {number[]} numbers */
-const engineOf = (numbers) =>
-    new Engine(new WebAssembly.Instance(new WebAssembly.Module(readFileSync(reference.wasm))), numbers);
+/** @param {number[]} numbers @param {import("../src/types").OfSolids} [solids] */
+const engineOf = (numbers, solids) =>
+    new Engine(new WebAssembly.Instance(new WebAssembly.Module(readFileSync(reference.wasm))), numbers, solids);
 /** @param {any} table */
 const numbers = (table) => /** @type {Float64Array} */ (decode(table).data);
 
@@ -77,7 +77,7 @@ test("the engine is Python to 1e-12, for several machines, with NaN out of reach
 
 test("what is changed of a machine is what Python makes of it", options, (context) => {
     for (const wanted of reference.changes) {
-        const engine = engineOf(reference.machines[0].parameters);
+        const engine = engineOf(reference.machines[0].parameters, wanted.solids);
         engine.set(wanted.what_if);
         engine.numbers.forEach((value, k) => {
             const off = Math.abs(value - wanted.parameters[k]);

@@ -52,6 +52,9 @@ test("a payload is carried in the file, an external load acts on its ways, and w
     assert.deepEqual(readFile(lines), { task, carrying: {} });
     const told = ["viscous friction of 20 N s/m more", "Coulomb friction of 2 N more", "lengths L = 0.45 m", "steel solids of these lengths", "armature (3, 0, 0) of the sliders", "gravity (0, 0, -1.62) m/s^2"];
     assert.deepEqual(leftOut(other, task), told);
+    const light = { slider: 2700, leg: 2700, crossbar: 2700, platform: 2700 };
+    assert.ok(leftOut(other, task, { density: light, dimensions: {} }).includes("solids of these lengths (2700 kg/m³)"));
+    assert.ok(writeTask(task, [], other, { density: { ...light, leg: 7801 }, dimensions: {} }).includes("solids of these lengths (2700 to 7801 kg/m³)"));
     for (const what of told) assert.ok(lines.includes(`\n# left out, as a task has no field for it: ${what}\n`), what);
     assert.throws(() => readTask("carrying: {mass: 1, com: [0.1, 0, 0], inertia: [0, 0, 0]}\nwaypoints: []"), /other than a point mass below P/);
     assert.deepEqual(readFile("carrying: {mass: 200 g, com: [0, 0, -40 mm], inertia: [0, 0, 0]}\nwaypoints: []").carrying, { payload: 0.2, below: 0.04 });

@@ -16,6 +16,7 @@ from p3dof._base.errors import InputError
 from p3dof.codegen.web_controller import controller_module
 from p3dof.design import CollisionShape, Surroundings, clearance_of
 from p3dof.design.clearance import CollisionModel
+from p3dof.machine.parameters import PAPER
 from p3dof.runs import simulate_robot
 from p3dof.viewer.document.encoding import DTYPES, decoded, encoded
 from p3dof.viewer.document.trees import placed_over, tree_of
@@ -190,10 +191,15 @@ def test_a_run_of_another_machine_says_so():
     first, longer, same = document["runs"]
     assert longer["machine"] == {"r": 0.1, "R": 0.25, "L": 0.5}
     assert "another machine" in longer["notes"][0]
+    assert longer["solids"]["density"] == dict.fromkeys(("slider", "leg", "crossbar", "platform"), 7801.0)
     assert not {"machine"} & {*first, *same}
     expected = other.inverse_dynamics(MOTION)
     np.testing.assert_array_equal(curve_of(longer, "force_b"), expected.forces[:, 1])
     np.testing.assert_array_equal(decoded(longer["q"]), expected.joints.q)
+    light = p3dof.Manipulator(dataclasses.replace(PAPER, density=2700.0, dimensions={"rod_radius": 0.012}))
+    solids = read(page_document(light))["engine"]["solids"]
+    assert set(solids["density"].values()) == {2700.0}
+    assert solids["dimensions"] == {"rod_radius": 0.012}
     with pytest.raises(InputError, match="expected a Manipulator"):
         page_document(ROBOT, runs={"wrong": (3, MOTION)})
 

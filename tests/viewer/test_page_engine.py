@@ -18,6 +18,7 @@ from p3dof import Manipulator
 from p3dof.closed_form import kinematics
 from p3dof.design.tasks import Task, Waypoint
 from p3dof.machine.parameters import PAPER, SLIDES, Actuators, Body, Friction, Geometry, of_solids
+from p3dof.machine.parameters.solids import KINDS
 from p3dof.viewer.document.encoding import encoded
 from p3dof.viewer.machine.document import engine_row
 
@@ -40,6 +41,10 @@ DRIVES = Actuators(
     {"slide_b": 495.0, "slide_c": -200.0},
     {"slide_c": 2.5},
 )
+ALUMINIUM = {
+    "density": dict.fromkeys(KINDS, 2700.0) | {"platform": 4500.0, "slider": 1200.0, "leg": 1800.0},
+    "dimensions": {"rod_radius": 0.012, "plate_thickness": 0.03},
+}
 CHANGES = {
     "2 kg below P": (
         {"payload": 2, "below": 0.15},
@@ -49,6 +54,10 @@ CHANGES = {
     "other lengths, solids": (
         {"r": 0.13, "R": 0.31, "L": 0.52, "bodies": "solids"},
         of_solids(LONGER, limits=PAPER.limits),
+    ),
+    "other lengths, solids of aluminium with a heavy plate, by sizes of its own": (
+        {"r": 0.13, "R": 0.31, "L": 0.52, "bodies": "solids"},
+        replace(PAPER, geometry=LONGER, **ALUMINIUM).solid,
     ),
     "friction": ({"viscous": 40, "coulomb": 6}, replace(PAPER, friction=SLOWED)),
     "motors and counterbalances": (
@@ -173,6 +182,8 @@ def test_the_engine_of_the_page_is_python(tmp_path):
     changes = []
     for seed, (name, (what_if, parameters)) in enumerate(CHANGES.items(), 20):
         changes.append(expected(name, parameters, seed, what_if.get("wrench")) | {"what_if": what_if})
+        if parameters.dimensions:
+            changes[-1]["solids"] = {key: dict(getattr(parameters, key)) for key in ALUMINIUM}
     machines = [expected(*item, seed) for seed, item in enumerate(MACHINES.items(), 10)]
     reference = {
         "wasm": str(WASM),

@@ -210,6 +210,46 @@ def test_lengths_say_which_bodies_are_meant(watched, bodies):
     assert ("keeps its mass" if bodies == "kept" else "cut to the lengths") in told
 
 
+def test_solids_are_of_the_files_densities_and_sizes(browser, tmp_path):
+    """Of the document's machine and that of another run; named where they are chosen, and in a kept run."""
+    path = tmp_path / "light.yaml"
+    path.write_text(
+        "geometry: {r: 115 mm, R: 290 mm, L: 470 mm, b: 60 mm}\nbodies: solids\n"
+        "density: 2700 kg/m^3\ndimensions: {rod_radius: 14 mm, plate_thickness: 25 mm}\n"
+    )
+    light = p3dof.load(path)
+    mixed = p3dof.Manipulator(replace(light.parameters, density={"platform": 4500.0}, dimensions={}).solid)
+    document = page_document(light, light.inverse_dynamics(MOTION), runs={"mixed": (mixed, MOTION)})
+    page = tmp_path / "page.html"
+    page.write_text(page_html(document), encoding="utf-8")
+    told = (
+        ("solids of these lengths (2700 kg/m³)", "sizes of the file, other sizes by the least ratio"),
+        ("solids of these lengths (4500 to 7801 kg/m³)", "the lengths; other sizes by the least ratio"),
+    )
+    with opened(browser, page.as_uri(), 1400, 1300, ready=READY) as watched:
+        for run, (machine, (choice, sizes)) in enumerate(zip((light, mixed), told, strict=True)):
+            watched.page.evaluate("run => p3dof.state.set({run, whatIf: {}})", run)
+            refreshed(watched)
+            write(watched, "Legs L, number", "500")
+            select = watched.page.locator("select[name=bodies]")
+            assert choice in select.inner_text()
+            select.select_option("solids")
+            refreshed(watched)
+            geometry = replace(machine.parameters.geometry, L=0.5)
+            longer = replace(machine.parameters, geometry=geometry).solid
+            assert longer.bodies.mass != pytest.approx(machine.parameters.bodies.mass, rel=1e-2)
+            forces = p3dof.Manipulator(longer).inverse_dynamics(MOTION).forces
+            assert_allclose(np.array(watched.page.evaluate(FORCES, "force")).T, forces, atol=1e-10)
+            note = watched.page.locator("#what-if .field .note").first.inner_text()
+            assert sizes in note
+            assert note.startswith(re.search(r"\((.*)\)", choice)[1])
+        watched.page.get_by_role("button", name="Keep and compare").click()
+        refreshed(watched)
+        kept = watched.page.evaluate("p3dof.state.document.runs.at(-1).name")
+        assert kept.endswith("solids (4500 to 7801 kg/m³)")
+        watched.healthy()
+
+
 def test_samples_out_of_reach_are_named_and_gaps(watched):
     write(watched, "Legs L, number", "205")
     shorter = replace(MACHINE.parameters, geometry=p3dof.machine.Geometry(r=0.1, R=0.25, L=0.205, b=0.05))

@@ -96,7 +96,7 @@ def page_document(
         machine_scene(robot),
         [_run(robot, machine, samples) for machine, samples in found],
         _inputs(robot.parameters),
-        {"kind": "p3dof", "parameters": encoded(row)},
+        {"kind": "p3dof", "parameters": encoded(row), "solids": _solids(robot.parameters)},
         limits={
             "travel": list(limits.travel),
             "speed": limits.speed,
@@ -117,6 +117,7 @@ def _run(robot: Machine, machine: Machine, samples: Samples) -> dict[str, Any]:
     geometry = machine.parameters.geometry
     lengths = {name: getattr(geometry, name) for name in ("r", "R", "L")}
     own = {"machine": lengths, "parameters": encoded(engine_row(machine.parameters))}
+    own["solids"] = _solids(machine.parameters)
     return found | own | {"notes": ["This run is of another machine.", *found["notes"]]}
 
 
@@ -133,6 +134,11 @@ def engine_row(parameters: Parameters) -> list[float]:
     row = parameter_row(parameters)
     own, of_sliders = row[:-_OF_SLIDERS], row[-_OF_SLIDERS:]
     return [*own[:3], parameters.geometry.b, *own[3:], *limit_row(parameters), *of_sliders]
+
+
+def _solids(parameters: Parameters) -> dict[str, dict[str, float]]:
+    """Return the densities of solids [kg/m³] and those of their sizes that are given [m]."""
+    return {"density": dict(parameters.density), "dimensions": dict(parameters.dimensions)}
 
 
 def _inputs(parameters: Parameters) -> list[dict[str, Any]]:
