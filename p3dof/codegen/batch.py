@@ -20,13 +20,16 @@ from p3dof.closed_form.compiled.designs import NAMES as OF_DESIGNS
 from p3dof.closed_form.compiled.designs import design_kernel, tangent_kernels
 from p3dof.closed_form.compiled.evidence import NAMES as OF_EVIDENCE
 from p3dof.closed_form.compiled.evidence import evidence_kernel
-from p3dof.closed_form.compiled.formulas import Kernel, all_kernels
+from p3dof.closed_form.compiled.formulas import DERIVATIVES, Kernel, all_kernels
 from p3dof.closed_form.compiled.lanes import OF_CONTROLLER, LaneKernel, all_lane_kernels
 from p3dof.codegen.frame import INDENT, indented
 
 DIRECTORY = Path(__file__).parents[1] / "_native" / "generated"
 
-ONE_LOOP = ("inverse_dynamics_derivatives", "inverse_dynamics_derivatives_symmetric", "kinematics")
+ONE_LOOP = (
+    *(f"{name}{form}" for name, _ in DERIVATIVES.values() for form in ("", "_symmetric")),
+    "kinematics",
+)
 """Kernels that two loops do not make faster: too many values between them, or too few operations."""
 
 ALWAYS_ROWS = (*OF_EVIDENCE, *OF_DESIGNS, *(kernel.name for kernel in tangent_kernels()))

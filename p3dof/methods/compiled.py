@@ -19,9 +19,8 @@ from p3dof._base.errors import InputError
 from p3dof._base.outputs import checked_parts, in_rows
 from p3dof._base.samples import OnInvalid, check_policy, raise_not_finite
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
-from p3dof.closed_form.compiled.formulas import ACCELERATION, POSE, VELOCITY
-from p3dof.closed_form.compiled.kernels import MachineKernels, loss_derivatives, losses, on_arrays
-from p3dof.closed_form.compiled.reduced import MOVING
+from p3dof.closed_form.compiled.formulas import ACCELERATION, DERIVATIVES, POSE, VELOCITY
+from p3dof.closed_form.compiled.kernels import MachineKernels, on_arrays
 from p3dof.closed_form.kinematics import JOINTS, Placed, forward_kinematics, holdable, reachable
 from p3dof.machine.motion.states import States
 from p3dof.machine.parameters import SLIDES, Geometry
@@ -39,6 +38,7 @@ _RESULT = {
     "inverse_dynamics": "forces",
     "inverse_dynamics_loaded": "forces",
     "inverse_dynamics_derivatives": "forces and derivatives",
+    "inverse_dynamics_derivatives_with_friction": "forces and derivatives",
     "forward_dynamics": "acceleration",
     "forward_dynamics_loaded": "acceleration",
     "inverse_dynamics_with_friction": "forces",
@@ -149,35 +149,18 @@ def aligned(array: FloatArray) -> FloatArray:
 def driven(kernels: MachineKernels, kind: str, states: States) -> tuple[str, list[FloatArray] | None]:
     """Return the kernel for a machine and its states, and the loads that it takes."""
     friction = kernels.has_friction
-    given = states.rows().wrench
-    if given is None and not friction:
-        return kind, None
-    if given is None:
-        loads = [np.broadcast_to(0.0, states.pose.size // 3)] * 3
-    else:
-        wrench = aligned(given)
-        loads = [wrench[:, row] for row in WRENCH_ROWS]
-    return f"{kind}_{'with_friction' if friction else 'loaded'}", loads
-
-
-def loads_on(kernels: MachineKernels, states: States) -> list[FloatArray] | None:
-    """Return wrench less friction on y, z and θ, each (N,), or None if there is neither [N, N, N m]."""
-    friction = kernels.has_friction
     if states.wrench is None and not friction:
-        return None
-    rows = states.rows()
-    found = None
-    if rows.wrench is not None:
-        wrench = aligned(rows.wrench)
-        found = [wrench[:, row] for row in WRENCH_ROWS]
-    if not friction:
-        return found
-    lost = losses(kernels.parameters, aligned(rows.pose), aligned(rows.velocity)).T
-    return [-one for one in lost] if found is None else [w - one for w, one in zip(found, lost, strict=True)]
+        return kind, None
+    return f"{kind}_{'with_friction' if friction else 'loaded'}", loads_on(states)
 
 
-_BY_STATE = tuple((*POSE, *VELOCITY, *ACCELERATION).index(name) for name in MOVING)
-"""Columns of pose, velocity and acceleration in a row that the forces change with."""
+def loads_on(states: States) -> list[FloatArray]:
+    """Return what the wrench is on y, z and θ, each (N,); zeros where there is none [N, N, N m]."""
+    given = states.rows().wrench
+    if given is None:
+        return [np.broadcast_to(0.0, states.pose.size // 3)] * 3
+    wrench = aligned(given)
+    return [wrench[:, row] for row in WRENCH_ROWS]
 
 
 class CompiledMethod:
@@ -297,19 +280,15 @@ def _room_for(shape: tuple[int, ...]) -> ForceDerivatives:
 
 
 def _derivatives_in(room: ForceDerivatives, kernels: MachineKernels, states: States) -> ForceDerivatives:
-    name, rows = "inverse_dynamics_derivatives", states.rows()
+    name, moving = DERIVATIVES[kernels.has_friction]
+    by_state = [(*POSE, *VELOCITY, *ACCELERATION).index(x) for x in moving]
     forces, *by = (array.reshape(-1, *array.shape[states.pose.ndim - 1 :]) for array in room.arrays)
-    loads = loads_on(kernels, states) or 3 * [np.zeros(len(rows.pose))]
-    columns = [by[k // 3][:, force, k % 3] for force in range(3) for k in _BY_STATE]
-    run_kernel(kernels, name, states, WHOLE_STATE, loads, [*forces.T, *columns], holdable)
+    columns = [by[k // 3][:, force, k % 3] for force in range(3) for k in by_state]
+    run_kernel(kernels, name, states, WHOLE_STATE, loads_on(states), [*forces.T, *columns], holdable)
     refused = np.isnan(forces[:, 0])
-    for k in set(range(9)) - set(_BY_STATE):  # z and ż change no force, but through springs and friction
+    for k in set(range(9)) - set(by_state):  # z changes no force but through springs
         by[k // 3][:, :, k % 3] = np.where(refused, np.nan, 0.0)[:, None]
     by[0][:, :, 1] += kernels.parameters.actuators.stiffness
-    if kernels.has_friction:
-        lost = loss_derivatives(kernels.parameters, aligned(rows.pose), aligned(rows.velocity))
-        by[0] += lost[..., :3]
-        by[1] += lost[..., 3:]
     return room
 
 

@@ -8,9 +8,8 @@ from typing import Any
 from p3dof._base.checks import FloatArray
 from p3dof._base.samples import POLICIES
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
-from p3dof.closed_form.compiled.formulas import ACCELERATION, POSE, VELOCITY
+from p3dof.closed_form.compiled.formulas import ACCELERATION, DERIVATIVES, POSE, VELOCITY
 from p3dof.closed_form.compiled.kernels import MachineKernels, SampleFunction
-from p3dof.closed_form.compiled.reduced import MOVING
 
 _ROW = (3, (0, 1, 2))
 _WRENCH = (6, WRENCH_ROWS)
@@ -20,16 +19,16 @@ _JACOBIAN = (_SLOPE_A, 1.0, 0.0, _SLOPE_B, 1.0, 0.0, _SLOPE_C, 1.0, _ARM)
 _YY, _YZ, _YT, _ZT, _TT, _ZZ = range(6)
 _MASSES = (_YY, _YZ, _YT, _YZ, _ZZ, _ZT, _YT, _ZT, _TT)
 """Which output of a kernel each entry of the matrix is, or what it always is."""
-_BY = tuple(MOVING.index(name) if name in MOVING else None for name in (*POSE, *VELOCITY, *ACCELERATION))
 _BY_Z = 2
 """Where the derivative by z is beside a force."""
 
 
-def _derivatives(stiffness: FloatArray) -> tuple[int | float, ...]:
-    """Return, of each force, itself and its derivatives by the motion; z moves springs only, ż none."""
+def _derivatives(moving: tuple[str, ...], stiffness: FloatArray) -> tuple[int | float, ...]:
+    """Return, of each force, itself and its derivatives by the motion; z moves springs only."""
     entries: list[int | float] = []
+    places = [moving.index(x) if x in moving else None for x in (*POSE, *VELOCITY, *ACCELERATION)]
     for leg, spring in enumerate(stiffness.tolist()):
-        row = [leg, *(0.0 if place is None else 3 + len(MOVING) * leg + place for place in _BY)]
+        row = [leg, *(0.0 if place is None else 3 + len(moving) * leg + place for place in places)]
         row[_BY_Z] = spring
         entries += row
     return tuple(entries)
@@ -108,11 +107,9 @@ class OneSample:
 
     @cached_property
     def _derivatives(self) -> SampleFunction:
-        if self._friction:
-            return _nothing
-        rows = (_ROW, _ROW, _ROW, _WRENCH)
-        entries = _derivatives(self._kernels.parameters.actuators.stiffness)
-        return self._kernels.sample("inverse_dynamics_derivatives", rows, entries, (3, 10))
+        name, moving = DERIVATIVES[self._friction]
+        entries = _derivatives(moving, self._kernels.parameters.actuators.stiffness)
+        return self._kernels.sample(name, (_ROW, _ROW, _ROW, _WRENCH), entries, (3, 10))
 
     @cached_property
     def _sliders(self) -> SampleFunction:
@@ -131,7 +128,3 @@ class OneSample:
     def _loaded(self, kind: str) -> SampleFunction:
         name = f"{kind}_{'with_friction' if self._friction else 'loaded'}"
         return self._kernels.sample(name, (_ROW, _ROW, _ROW, _WRENCH), (0, 1, 2), (3,))
-
-
-def _nothing(out: Any, *rows: Any) -> None:  # noqa: ARG001 - as `SampleFunction`
-    return None

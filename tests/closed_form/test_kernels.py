@@ -24,7 +24,10 @@ from p3dof._base.errors import InputError, ReachError, SingularityError
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.compiled import MachineKernels, levels
 from p3dof.closed_form.compiled.kernels import pose_at
+from p3dof.closed_form.paper.formulas import Lengths, configuration, jacobian
+from p3dof.closed_form.paper.friction import generalized_losses, losses_of
 from p3dof.machine.motion import states_of
+from p3dof.machine.parameters import Friction
 from p3dof.methods import compiled
 from p3dof.methods.compiled import CompiledMethod
 from p3dof.runs.controllers import Measurement
@@ -146,6 +149,43 @@ def test_derivatives_are_those_of_the_full_formulas(seed):
             rounding = 1e-14 * np.abs(found.forces).max() / step
             bound = 1e-7 * np.abs(by).max() + 100 * rounding
             np.testing.assert_allclose(by[..., axis], expected, rtol=0, atol=bound)
+
+
+@given(seed=SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_what_friction_adds_to_the_derivatives_is_that_of_the_virtual_powers(seed):
+    """By complex steps through the paper's formulas: exact, however suddenly Coulomb friction turns."""
+    smooth, rng = replace(machine_of(seed), friction=Friction()), np.random.default_rng(seed)
+    rough = replace(smooth, friction=replace(random_friction(rng), smoothing=float(rng.uniform(1e-3, 0.5))))
+    states = random_states(smooth, seed, 40, drop=0.2, angle=0.2)
+    motion = states.pose, states.velocity, states.acceleration
+    lengths, coefficients = Lengths.of(rough.geometry), losses_of(rough.friction)
+
+    def resisting(state):
+        pose, velocity = state[:, :3].T, state[:, 3:].T
+        transposed = np.empty((len(state), 3, 3), dtype=complex)
+        for force, row in enumerate(jacobian(lengths, configuration(lengths, pose, np))):
+            for axis, entry in enumerate(row):
+                transposed[:, axis, force] = entry
+        lost = np.stack(generalized_losses(lengths, pose, velocity, coefficients, np), axis=-1)
+        return np.linalg.solve(transposed, lost[..., None])[..., 0]
+
+    steps = 1e-30j * np.eye(9, 6)  # the last three, of the acceleration, move nothing
+    state = np.hstack(motion[:2])
+    expected = np.stack([resisting(state + step).imag / 1e-30 for step in steps], axis=-1)
+    close = conditioning(rough.geometry, states.pose)[:, None, None]
+    for level in levels():
+        found, less = (
+            np.concatenate(
+                dynamics.inverse_dynamics_derivatives(
+                    MachineKernels(machine, level), *motion, states.wrench
+                ).arrays[1:],
+                axis=-1,
+            )
+            for machine in (rough, smooth)
+        )
+        sizes = np.maximum(np.abs(found), np.abs(less)).max(axis=(0, 1))
+        assert np.all(np.abs(found - less - expected) <= 1e-12 * close * sizes)
 
 
 def test_bad_samples_do_not_touch_their_neighbours(level):
@@ -518,10 +558,14 @@ def test_one_sample_with_friction_is_answered_at_once(monkeypatch):
     robot, states = p3dof.load(machine), random_states(machine, 4, 1)
     state = states.pose[0], states.velocity[0], states.acceleration[0]
     expected = [robot.forces(*state, wrench=w, method="virtual-power") for w in (None, states.wrench[0])]
+    by = robot.force_derivatives(states.pose, states.velocity, states.acceleration).arrays
     if levels()[-1] != "numpy":
         monkeypatch.setattr("p3dof.methods.compiled.run_kernel", None)  # the way of batches
     for w, forces in zip((None, states.wrench[0]), expected, strict=True):
         np.testing.assert_allclose(robot.forces(*state, wrench=w, method="compiled"), forces, rtol=1e-11)
+        np.testing.assert_allclose(robot.force_derivatives(*state, wrench=w).forces, forces, rtol=1e-11)
+    for one, rows in zip(robot.force_derivatives(*state).arrays, by, strict=True):
+        np.testing.assert_allclose(one, rows[0], rtol=1e-11)
 
 
 @given(seed=SEEDS)
@@ -664,7 +708,6 @@ def test_some_rows_are_answered_at_once(friction, monkeypatch):
             np.testing.assert_allclose(call(n), batch[:n], **same)
             assert call(n, out=out) is out
             np.testing.assert_allclose(out, batch[:n], **same)
-    monkeypatch.undo()
     for one, batch in zip(robot.force_derivatives(q, v, a, wrench=w).arrays, derivatives, strict=True):
         np.testing.assert_allclose(one, batch, **same)
 

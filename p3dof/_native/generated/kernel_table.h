@@ -16,6 +16,8 @@
     X(inverse_dynamics_with_friction_symmetric, 47, 12, 4) \
     X(forward_dynamics_with_friction, 76, 12, 4) \
     X(forward_dynamics_with_friction_symmetric, 49, 12, 4) \
+    X(inverse_dynamics_derivatives_with_friction, 70, 12, 28) \
+    X(inverse_dynamics_derivatives_with_friction_symmetric, 48, 12, 28) \
     X(mass_matrix, 31, 3, 7) \
     X(mass_matrix_symmetric, 20, 3, 7) \
     X(coriolis_matrix, 28, 6, 7) \

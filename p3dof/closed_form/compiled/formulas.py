@@ -161,10 +161,16 @@ def _assembly(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]
     return [*pose, margin]
 
 
-def _derivatives(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+def _derivatives(
+    tape: Tape, model: Model, rows: dict[str, Symbol], by: Sequence[str] = MOVING
+) -> list[Number]:
     *forces, margin = _inverse(tape, model, rows)
-    by_state = derivatives(forces, [rows[name] for name in MOVING])
+    by_state = derivatives(forces, [rows[name] for name in by])
     return [*forces, *(entry for row in by_state for entry in row), margin]
+
+
+def _derivatives_with_friction(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
+    return _derivatives(tape, model, rows | less_friction(tape, model, rows), _RESISTED)
 
 
 def _forward(tape: Tape, model: Model, rows: dict[str, Symbol]) -> list[Number]:
@@ -200,15 +206,26 @@ _MOTION = (*POSE, *VELOCITY, *ACCELERATION)
 _DRIVEN = (*POSE, *VELOCITY, *FORCES)
 CORIOLIS = ("c_yy", "c_yt", "c_zy", "c_zt", "c_ty", "c_tt")
 _WATCHED = (*SLIDERS, "cos_a", "cos_b", "cos_c", "cos_54")
-_BY_STATE = tuple(f"d{force}_d{name}" for force in FORCES for name in MOVING)
+_RESISTED = (*MOVING, "vz")
+
+
+def _forces_by(names: Sequence[str]) -> tuple[str, ...]:
+    return (*FORCES, *(f"d{force}_d{name}" for force in FORCES for name in names))
+
+
 _FORMULAS: dict[str, tuple[_Formula, tuple[str, ...], tuple[str, ...]]] = {
     "inverse_dynamics": (_inverse, _MOTION, FORCES),
     "inverse_dynamics_loaded": (_inverse, (*_MOTION, *WRENCH), FORCES),
-    "inverse_dynamics_derivatives": (_derivatives, (*_MOTION, *WRENCH), (*FORCES, *_BY_STATE)),
+    "inverse_dynamics_derivatives": (_derivatives, (*_MOTION, *WRENCH), _forces_by(MOVING)),
     "forward_dynamics": (_forward, _DRIVEN, ACCELERATION),
     "forward_dynamics_loaded": (_forward, (*_DRIVEN, *WRENCH), ACCELERATION),
     "inverse_dynamics_with_friction": (_inverse_with_friction, (*_MOTION, *WRENCH), FORCES),
     "forward_dynamics_with_friction": (_forward_with_friction, (*_DRIVEN, *WRENCH), ACCELERATION),
+    "inverse_dynamics_derivatives_with_friction": (
+        _derivatives_with_friction,
+        (*_MOTION, *WRENCH),
+        _forces_by(_RESISTED),
+    ),
     "mass_matrix": (_masses, POSE, MASSES),
     "coriolis_matrix": (_coriolis, (*POSE, *VELOCITY), CORIOLIS),
     "gravity_forces": (_gravity, POSE, ("g_y", "g_z", "g_theta")),
@@ -221,8 +238,14 @@ NAMES = tuple(_FORMULAS)  # the kernels; all but those of `OF_LENGTHS` also exis
 
 OF_LENGTHS = ("kinematics", "forward_kinematics", "limits")  # kernels that no body matters to
 
-WITH_FRICTION = ("inverse_dynamics_with_friction", "forward_dynamics_with_friction")
+WITH_FRICTION = tuple(name for name in NAMES if name.endswith("_with_friction"))
 """Kernels whose constants are also of the friction."""
+
+DERIVATIVES = {
+    False: ("inverse_dynamics_derivatives", MOVING),
+    True: ("inverse_dynamics_derivatives_with_friction", _RESISTED),
+}
+"""Without and with friction: the kernel, and what its derivatives are by; ż only resists."""
 
 
 def all_kernels() -> list[Kernel]:

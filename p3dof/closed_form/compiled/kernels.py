@@ -361,17 +361,6 @@ def _level(level: str | None) -> str:
 _Function = Callable[..., tuple[Any, ...]]
 
 
-def losses(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return the forces of y, z, θ that friction takes [N, N, N m]."""
-    return _on_blocks(_losses(parameters), pose, velocity, 3).T
-
-
-def loss_derivatives(parameters: Parameters, pose: FloatArray, velocity: FloatArray) -> FloatArray:
-    """Return how friction moves the actuator forces with pose and velocity: J⁻ᵀ ∂d/∂(x, ẋ)."""
-    found = _on_blocks(_loss_derivatives(parameters), pose, velocity, 18)
-    return np.ascontiguousarray(found.reshape(6, 3, -1).transpose(2, 1, 0))
-
-
 def loss_by_lengths(
     parameters: Parameters, pose: FloatArray, velocity: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -386,11 +375,6 @@ def losses_of_state(parameters: Parameters) -> Callable[..., tuple[float, ...]]:
     return or_nan(straight_line(_formula(parameters), 6), 3)
 
 
-@lru_cache(maxsize=64)
-def _losses(parameters: Parameters) -> _Function:
-    return straight_line(_formula(parameters), 6, np)
-
-
 def _formula(parameters: Parameters) -> Callable[..., Sequence[Number]]:
     lengths, friction = Lengths.of(parameters.geometry), losses_of(parameters.friction)
 
@@ -398,23 +382,6 @@ def _formula(parameters: Parameters) -> Callable[..., Sequence[Number]]:
         return generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
 
     return formula
-
-
-@lru_cache(maxsize=64)
-def _loss_derivatives(parameters: Parameters) -> _Function:
-    lengths, friction, model = (
-        Lengths.of(parameters.geometry),
-        losses_of(parameters.friction),
-        model_of(parameters),
-    )
-
-    def formula(tape: Tape, *x: Symbol) -> Sequence[Number]:
-        lost = generalized_losses(lengths, components(x[:3]), components(x[3:]), friction, tape)
-        where = shape(model, x[0], x[2], tape)
-        columns = zip(*derivatives(lost, x), strict=True)
-        return [entry for column in columns for entry in solve_transposed(where, column)]
-
-    return straight_line(formula, 6, np)
 
 
 @lru_cache(maxsize=64)
