@@ -6,6 +6,7 @@ each of them to find out.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -36,11 +37,15 @@ def check_policy(on_invalid: str) -> None:
         raise InputError(f"on_invalid: expected 'raise' or 'nan', got {on_invalid!r}")
 
 
-def raise_not_finite(name: str, array: FloatArray) -> None:
-    """Raise for the first row of a batch that is not finite."""
+def raise_not_finite(name: str, array: FloatArray, given: Mapping[str, FloatArray] | None = None) -> None:
+    """Raise for the first row of a batch that is not finite; name the largest that it was computed from."""
     finite = np.isfinite(array)
     if not finite.all():
         index, where = first_bad(~np.all(finite, axis=-1))
+        rows = {of: values[index] for of, values in (given or {}).items()}
+        if rows:
+            cause = max(rows, key=lambda of: float(np.abs(rows[of]).max()))
+            where = f" from {cause} {rows[cause].tolist()}{where}"
         raise InputError(f"{name}: expected finite numbers, got {array[index].tolist()}{where}")
 
 

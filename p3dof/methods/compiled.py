@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from p3dof._base.checks import FloatArray, Progress, Readable, shown
 from p3dof._base.errors import InputError
 from p3dof._base.outputs import checked_parts, in_rows
-from p3dof._base.samples import OnInvalid, check_policy, raise_not_finite
+from p3dof._base.samples import OnInvalid, check_policy
 from p3dof._base.time_series.wrenches import WRENCH_ROWS
 from p3dof.closed_form.compiled.formulas import ACCELERATION, DERIVATIVES, POSE, VELOCITY
 from p3dof.closed_form.compiled.kernels import MachineKernels, on_arrays
@@ -83,7 +83,7 @@ def run_kernel(
         gate(kernels.parameters.geometry, states)
     _do_again(kernels, name, rows, inputs, columns, found, gate)
     if states.on_invalid == "raise":
-        raise_not_finite(_RESULT[name], np.stack(found[:3], axis=-1).reshape(states.pose.shape))
+        states.raise_overflow(_RESULT[name], np.stack(found[:3], axis=-1).reshape(states.pose.shape))
 
 
 def _do_again(

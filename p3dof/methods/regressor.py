@@ -16,7 +16,6 @@ import numpy as np
 
 from p3dof._base.algebra import BLOCK
 from p3dof._base.checks import FloatArray, Readable
-from p3dof._base.samples import raise_not_finite
 from p3dof._base.tracing import Number, Symbol, Tape, derivatives, straight_line
 from p3dof._base.tracing.printing import function_of
 from p3dof.closed_form.compiled.formulas import MODEL
@@ -133,7 +132,7 @@ def force_regressor(parameters: Parameters, states: States) -> ForceRegressor:
     by[~np.isfinite(q).all(axis=1)] = np.nan
     by = by.reshape(*leading, 3, len(MODEL))
     if states.on_invalid == "raise":
-        raise_not_finite("regressor", by.reshape(*leading, -1))
+        states.raise_overflow("regressor", by.sum(axis=-1))
     base = np.ascontiguousarray(by[..., 6 : 6 + len(BASE)])
     actuators = np.ascontiguousarray(by[..., 6 + len(BASE) :])
     lost, lost_by_lengths = np.zeros((*leading, 3)), np.zeros((*leading, 3, 3))

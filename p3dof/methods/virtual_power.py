@@ -9,7 +9,6 @@ import numpy as np
 from p3dof._base.algebra import BLOCK, Namespace, components
 from p3dof._base.checks import FloatArray, Progress
 from p3dof._base.outputs import written
-from p3dof._base.samples import raise_not_finite
 from p3dof.closed_form import kinematics
 from p3dof.closed_form.kinematics import Placed
 from p3dof.closed_form.paper import friction
@@ -38,7 +37,7 @@ class VirtualPowerMethod:
         for block, placed in placed_in_blocks(self._parameters, states):
             rows[block] = forces_at(self._parameters, placed)
         if states.on_invalid == "raise":
-            raise_not_finite("forces", found)
+            states.raise_overflow("forces", found)
         return written(found, out)
 
     def solve(self, states: States, progress: Progress | None = None) -> Solution:  # noqa: ARG002 - it is quick
@@ -47,7 +46,11 @@ class VirtualPowerMethod:
 
     def accelerate(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return the acceleration (..., 3) of the platform under forces."""
-        return written(closed_form.forward_dynamics(self._parameters, states), out)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is told below
+            found = closed_form.forward_dynamics(self._parameters, states)
+        if states.on_invalid == "raise":
+            states.raise_overflow("acceleration", found)
+        return written(found, out)
 
     def jacobian(self, states: States, out: FloatArray | None = None) -> FloatArray:
         """Return ∂(λA, λB, λC)/∂(y, z, θ), (..., 3, 3)."""

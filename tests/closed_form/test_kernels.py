@@ -267,16 +267,29 @@ def test_what_overflows_is_told_by_name_and_place(level):
     kernels = MachineKernels(p3dof.PAPER, level)
     v = np.zeros((2, 2, 3))
     v[1, 1] = 1e200
-    with pytest.raises(InputError, match=r"forces: expected finite numbers.*sample \(1, 1\), the first of 1"):
-        dynamics.forces(kernels, HOME, v, HOME)
-    with pytest.raises(InputError, match=r"forces: expected finite numbers, got \[[^(]*$"):
+    row = r"expected finite numbers, got \[[^(]*\] from velocity \[1e\+200, 1e\+200, 1e\+200\]"
+    place = r" \(sample \(1, 1\), the first of 1 such of 4\)$"
+    rough = MachineKernels(replace(p3dof.PAPER, friction=Friction({"sliders": 20})), level)
+    with pytest.raises(InputError, match=f"^forces: {row}{place}"):
+        dynamics.forces(kernels, HOME, v, HOME, wrench=np.ones(6))
+    with pytest.raises(InputError, match=f"^forces: {row}$"):
         dynamics.forces(kernels, HOME, v[1, 1], HOME)
-    with pytest.raises(InputError, match="forces and derivatives: expected finite numbers"):
-        dynamics.inverse_dynamics_derivatives(kernels, HOME, v, HOME)
-    with pytest.raises(InputError, match="acceleration: expected finite numbers"):
+    for given_ in (kernels, rough):
+        with pytest.raises(InputError, match=f"^forces and derivatives: {row}{place}"):
+            dynamics.inverse_dynamics_derivatives(given_, HOME, v, HOME)
+    with pytest.raises(InputError, match=f"^acceleration: {row}{place}"):
         dynamics.forward_dynamics(kernels, HOME, v, HOME)
-    with pytest.raises(InputError, match="regressor: expected finite numbers"):
+    with pytest.raises(InputError, match=f"^regressor: {row}{place}"):
         p3dof.load().force_regressor(HOME, v, HOME)
+    with pytest.raises(InputError, match=f"^forces: {row}$"):
+        virtual_power_forces(p3dof.PAPER, HOME, v[1, 1], HOME)
+    full = p3dof.load()
+    with pytest.raises(InputError, match=f"^acceleration: {row}{place}"):
+        full.forward_dynamics(HOME, v, HOME, method="virtual-power")
+    found = full.forward_dynamics(HOME, v, HOME, method="virtual-power", on_invalid="nan")
+    assert np.isnan(found).all(axis=-1).tolist() == [[False, False], [False, True]]
+    with pytest.raises(InputError, match=r"^forces: .* from wrench \[0.0, 1e\+308, 1e\+308"):
+        virtual_power_forces(p3dof.PAPER, HOME, HOME, HOME, [0, 1e308, 1e308, 1e308, 0, 0])
     found = dynamics.forces(kernels, HOME, HOME, [[0, 0, 1e308], [0, 0, 0]], on_invalid="nan")
     assert np.isnan(found[0]).all() or np.isfinite(found[0]).all()
     assert np.isfinite(found[1]).all()

@@ -78,6 +78,11 @@ class States(NamedTuple):
                 raise_not_finite(name, array)
         return self.without(~np.all([np.isfinite(array).all(axis=-1) for _, array in arrays], axis=0))
 
+    def raise_overflow(self, name: str, found: FloatArray) -> None:
+        """Raise for the first finite state whose result is not; name the largest of its numbers."""
+        given = self.given if self.wrench is None else (*self.given, "wrench")
+        raise_not_finite(name, found, {each: getattr(self, each) for each in given})
+
     def without(self, bad: NDArray[np.bool_]) -> States:
         """Return the states with rows of NaN where they are bad, (...); forces and wrench stay."""
         hidden = bad[..., None]
