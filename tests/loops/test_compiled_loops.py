@@ -478,6 +478,23 @@ def test_every_level_and_a_bound_call_give_the_same(name):
         np.testing.assert_allclose(found.tau, tau, rtol=0, atol=1e-13 * largest(tau))
 
 
+@pytest.mark.parametrize("level", ["numpy", pytest.param("auto", marks=needs_compiler)])
+@pytest.mark.parametrize("name", ["inverse_dynamics", "forward_dynamics", "motion", "step"])
+def test_a_bound_call_with_nan_has_no_margin_and_is_not_trusted(level, name):
+    loop = gallery("four_bar")
+    bound, state = loop.compile(level=level).bind(name), trees.motions(loop, 3, seed=7)
+    good = {"q": state.q[1], "v": state.v[1], "a": state.a[1]}
+    for bad in (None, *bound.inputs):
+        for key, values in bound.inputs.items():
+            values[:] = good.get(key, 0.0)
+        if bad is not None:
+            bound.inputs[bad][-1] = np.nan
+        bound.run()
+        assert np.isnan(bound.outputs["margin"][0]) == (bad == "q")
+        assert np.isnan(bound.outputs["gap"][0]) == (bad == "q")
+        assert np.isnan(bound.outputs["trusted"][0]) == (bad is not None)
+
+
 def test_one_sample_and_many_are_the_same_and_neighbours_of_a_bad_one_stay():
     loop = gallery("delta")
     compiled = loop.compile(level="numpy" if NO_COMPILER else "auto")

@@ -100,7 +100,8 @@ class Builder:
         total: Number = 0.0
         for value in (*self._results, *limits):  # a minimum would lose a limit that is NaN
             total = total + value
-        self.give("margin", [tape.sqrt(at.margin)])
+        # The minimum loses pivots that are NaN; the gap is NaN where the configuration is.
+        self.give("margin", [tape.add(tape.sqrt(at.margin), tape.subtract(gap, gap))])
         self.give("gap", [tape.sqrt(gap)])
         # What is not finite makes the difference NaN, and the minimum with it.
         self.give("trusted", [tape.minimum(least, tape.add(tape.subtract(total, total), 1.0))])
@@ -189,7 +190,8 @@ class Kernel:
 class BoundFunction:
     """A compiled function of one sample that reads and writes arrays of its own.
 
-    Fill `inputs`, call `run`, read `outputs`. Nothing is checked: look at the ``margin`` and the ``gap``. It
+    Fill `inputs`, call `run`, which returns nothing, and read `outputs`: they are valid where ``trusted`` is
+    positive. It is NaN for numbers that are not finite; ``margin`` and ``gap``, for such a configuration. It
     belongs to the thread that runs it first.
     """
 
