@@ -137,7 +137,10 @@ def _function_table(machine: Parameters) -> Table:
     for one in operation_counts(machine):
         sizes = number(one.general), number(one.symmetric), formatted(one.friction, "+d"), number(one.machine)
         rows[one.name] = sizes
-    title = "Operations of a call: any machine, a symmetric one, more for friction, this one baked"
+    title = (
+        "Operations of a call: any machine, a symmetric one, more for friction, this one baked; "
+        "a sine or a tanh counts as one, though it takes as long as dozens"
+    )
     return table_of(title, ("function", "general", "symmetric", "friction", "baked"), rows)
 
 

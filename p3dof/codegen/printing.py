@@ -184,7 +184,7 @@ class Printer:
 
 @dataclass(frozen=True)
 class Count:
-    """How many operations a call of a function takes, checks included; sin and cos count one each."""
+    """How many operations a call of a function takes, checks included; sin, cos and tanh count one each."""
 
     name: str  # the function
     general: int  # for any machine, and for symmetric bodies under gravity along z0, without friction

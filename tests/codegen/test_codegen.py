@@ -551,6 +551,11 @@ def test_zeros_vanish_from_baked_code():
     size = {name: len(controller_files(MACHINES[name], bake=True)["p3dof.c"]) for name in MACHINES}
     assert size["paper"] < 0.6 * size["general"]
     assert "tanh" not in controller_files(PAPER, bake=True)["p3dof.c"]
+    for coulomb, calls in (({}, 0), ({"slide_b": 5.0}, 1), ({"sliders": 5.0, "joints": 0.2}, 9)):
+        rough = replace(PAPER, friction=Friction({"sliders": 20.0, "joints": 0.3}, coulomb))
+        inverse = next(one for one in routines().all if one.name == "inverse_dynamics")
+        lines = Printer(inverse, machine_numbers(parameter_row(rough))).code()
+        assert sum("tanh(" in line for line in lines) == calls
 
 
 def test_generated_twice_is_the_same():

@@ -81,7 +81,7 @@ class Kernel:
         return function_of(self.tape, (*self.constants, *self.symbols), self.results, np)
 
     def operations(self, margin: bool = False) -> Counter[str]:
-        """Return how many operations a sample takes, by name; sin and cos count one each."""
+        """Return how many operations a sample takes, by name; sin, cos and tanh count one each."""
         results = self.results if margin else self.results[:-1]
         tape = self.tape
         return Counter(
