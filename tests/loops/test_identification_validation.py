@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from gallery import gallery
 from motor_logs import fourier_motion, motor_log, truth_of
+from scipy.stats import binom
 from table_numbers import check_evidence, check_table, shows
 
 import p3dof
 from p3dof.analysis.identification import MachineForces
 from p3dof.loops.identification.data import ForcesFit
-from p3dof.loops.identification.forces import LoopForces, Rows
+from p3dof.loops.identification.forces import LoopForces, Rows, States
 from p3dof.loops.identification.validation import (
     combinations_table,
     identify,
@@ -161,6 +162,85 @@ def test_ljung_box_tells_white_noise_from_coloured():
     assert ljung_box(np.zeros(50)) == 1.0
 
 
+class Axes:
+    """Two motors with inertia, friction and weight: forces that are quick enough for many logs."""
+
+    actuators = coordinates = ("one", "two")
+    position_units = coordinate_units = ("rad", "rad")
+    force_units = ("N m", "N m")
+    home, limits = np.zeros(2), ()
+    names = tuple(
+        f"{axis}.{what}" for axis in actuators for what in ("armature", "damping", "friction", "load")
+    )
+    design = np.array([0.05, 0.1, 0.3, 1.0, 0.04, 0.1, 0.2, 0.5])
+
+    def deviations(self, **_):
+        return 0.2 * self.design
+
+    def from_actuators(self, *motion):
+        return States(*map(np.asarray, motion), None)
+
+    from_coordinates = from_actuators
+
+    def rows(self, states):
+        x, v, a = states[:3]
+        columns = np.zeros((*x.shape, 8))
+        for j in range(2):
+            columns[:, j, 4 * j : 4 * j + 4] = np.stack([a, v, np.sign(v), np.cos(x)], axis=-1)[:, j]
+        return Rows(columns, np.zeros(x.shape))
+
+    def corrected(self, parameters):
+        return parameters
+
+
+BUILT = Axes.design * [1.2, 0.9, 1.3, 1.1, 0.8, 1.1, 0.9, 1.05]
+
+
+def axes_logs(seed, delay=0.003, periods=(1.0, 1.1), seconds=3.3):
+    motions = (fourier_motion(Axes.home, size * np.full(2, 0.4), T, 3, first + seed)
+               for size, T, first in ((1.0, periods[0], 1000), (0.7, periods[1], 2000)))  # fmt: skip
+    return [
+        motor_log(Axes(), BUILT, motion, seconds, rate=250.0, noise=0.02, delay=delay, seed=2 * seed + i)
+        for i, motion in enumerate(motions)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("period", "periods"), [("auto", (1.0, 1.1)), ("auto", (1.0013, 1.0817)), (None, (1.0, 1.1))]
+)
+def test_residuals_of_a_perfect_model_are_white_and_those_without_friction_are_not(period, periods):
+    """One in twenty p values is below 0.05, half of them below 0.5, as binomial distributions let them be."""
+    found, wrong, chi_square = [], [], []
+    for seed in range(60):
+        log, other = axes_logs(seed, periods=periods)
+        identified = identify(Axes(), log, period=period, consistent=False)
+        checked = validate(identified, other, period=period)
+        assert (checked.data.periods > 0) == (period == "auto")
+        found += list(checked.whiteness)
+        chi_square.append(checked.chi_square)
+        if seed < 5:
+            without = np.array(identified.parameters)
+            without[[2, 6]] = 0.0
+            estimate = replace(identified.estimate, parameters=without)
+            wrong.append(validate(replace(identified, estimate=estimate), other, period=period).whiteness)
+    for level in (0.05, 0.5):
+        least, most = binom.interval(0.999, len(found), level)
+        assert least <= np.count_nonzero(np.array(found) < level) <= most
+    assert np.max(wrong) < 0.01
+    assert np.mean(chi_square) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize("delay", [0.002, 0.003, 0.004])
+def test_the_delay_of_a_motion_that_is_not_periodic_is_found_between_samples_and_on_them(delay):
+    """Of samples 4 ms apart: a mean of two neighbours has less noise, and would draw it between them."""
+    errors = []
+    for seed in range(5):
+        data = identify(Axes(), axes_logs(seed, delay)[0], period=None, consistent=False).data
+        errors.append((data.delay - delay) / data.delay_deviation)
+    assert np.abs(errors).max() < 4
+    assert abs(np.mean(errors)) < 4 / np.sqrt(5)
+
+
 def test_tables_say_it_in_words(found):
     identified, checked = found
     rows = {row[0]: row for row in parameters_table(identified).rows}
@@ -177,6 +257,29 @@ def test_tables_say_it_in_words(found):
         "Ixz": "kg m²", "Iyz": "kg m²", "Izz": "kg m²", "armature": "kg", "counterbalance": "N",
         "spring": "N/m", "damping": "N s/m", "friction": "N",
     }  # fmt: skip
+
+
+@shows("p3dof.loops.identification.validation.Validation.whiteness")
+def test_whiteness_is_of_residuals_whitened_by_the_whole_covariance(found):
+    identified, checked = found
+    data, rest = checked.data, checked.residuals
+    A = (data.rows.columns / data.noise[:, None]).reshape(rest.size, -1)
+    values, vectors = np.linalg.eigh(np.eye(rest.size) + A @ identified.estimate.covariance @ A.T)
+    white = (vectors @ ((vectors.T @ (rest / data.noise).ravel()) / np.sqrt(values))).reshape(rest.shape)
+    pairs = list(zip(white.T, data.independent.T, strict=True))
+    check_evidence(checked, "whiteness", np.array([ljung_box(x[some]) for x, some in pairs]), rtol=1e-6)
+    assert (checked.whiteness > 0.01).all()
+
+
+@pytest.mark.parametrize(("period", "apart"), [("auto", 6), (None, 3)])
+def test_residuals_are_tested_at_samples_that_filters_leave_independent(period, apart):
+    """So many steps of 4 ms apart, and not beside a motor's reversal."""
+    data = identify(Axes(), axes_logs(0)[0], period=period, consistent=False).data
+    speed = np.abs(data.states.velocities)
+    for some, own in zip(data.independent.T, speed.T, strict=True):
+        assert np.count_nonzero(some) > 20
+        assert np.diff(data.time[some]).min() > 0.004 * (apart - 1e-6)
+        assert own[some].min() > 0.02 * own.max()
 
 
 @shows(

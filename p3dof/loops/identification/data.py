@@ -4,7 +4,7 @@ Periodic motions are fitted by a Fourier series, whose derivatives are exact, an
 whole periods; the spread of the periods is the noise. Other motions are followed by smoothing splines up to
 a band width; measured forces, and the columns of the forces' model, then pass the same filter without phase
 (a Hann window), so that what it takes away is missing on both sides. Samples after it are as far apart as
-to be independent.
+to be independent; of averaged periods, whose low-pass lets neighbours be alike, each sixth is.
 
 Forces reach a log later than positions do. The delay is the one with which the model fits best, all
 parameters free within the prior: viscous friction alone would pass for a delay.
@@ -66,7 +66,10 @@ _WEIGHT = 0.7
 _JUMP = 4.0
 """So many samples from a reversal, friction jumps between samples."""
 _CLEAR = 0.25
-"""Share of the samples away from reversals from which they alone tell the delay."""
+"""Share of the samples away from reversals from which they alone tell the delay, and are tested."""
+_AVERAGED = 6
+"""Samples of averaged periods that are so many apart do not correlate: the low-pass of `_averaged` has zeros
+of its autocorrelation at 6, 12, ..."""
 _BLOCK = 2000
 _PASSES = 3
 
@@ -99,6 +102,9 @@ class PreparedLog(Readable):
         How many were averaged; zero if it has none.
     delay, delay_deviation : float
         By how much forces were later than positions, and its standard deviation (zero if given) [s].
+    independent : (N, m) array of bool
+        Samples so far apart that their noise is independent, and away from reversals, near which friction
+        jumps: what the test of residuals is of.
     about : str
         How the log was prepared.
     remarks : tuple of str
@@ -117,6 +123,7 @@ class PreparedLog(Readable):
     periods: int
     delay: float
     delay_deviation: float
+    independent: NDArray[np.bool_]
     about: str
     remarks: tuple[str, ...]
 
@@ -195,6 +202,7 @@ class SampledLog(NamedTuple):
     shares: float  # variance of a sample here over that of a single one
     reversal: FloatArray  # (N, m): time from the nearest reversal of each actuator
     near: float  # from such a time on, forces before and after a reversal are not mixed
+    apart: int  # so many samples on, noise is independent
 
 
 def prepare_log(
@@ -264,8 +272,22 @@ def prepare_log(
         )
     return PreparedLog(
         log, sampled.time, sampled.states, sampled.rows, sampled.forces(found), noise, sampled.spread,
-        motion.band, T, repeats, found, doubt, about, tuple(remarks),
+        motion.band, T, repeats, found, doubt, _independent(sampled, found), about, tuple(remarks),
     )  # fmt: skip
+
+
+def _clear(sampled: SampledLog, delay: float) -> NDArray[np.bool_]:
+    """Return which samples (N, m) are away from reversals; all where few would be."""
+    clear = sampled.reversal > sampled.near + delay
+    return clear if clear.mean() > _CLEAR else np.ones_like(clear)
+
+
+def _independent(sampled: SampledLog, delay: float) -> NDArray[np.bool_]:
+    clear = _clear(sampled, abs(delay))
+    found = np.zeros_like(clear)
+    for own, column in zip(found.T, clear.T, strict=True):
+        own[np.flatnonzero(column)[:: sampled.apart]] = True
+    return found
 
 
 def _motion_told(forces: IdentifiableForces, motion: Motion, T: float, repeats: int) -> str:
@@ -292,8 +314,8 @@ def _fitted(
     least = np.maximum(sampled.spread * math.sqrt(sampled.shares), 1e-9 * np.abs(y).max(axis=0))
     noise, doubt, tried_once = np.maximum(least, 1e-3 * y.std(axis=0)), 0.0, not isinstance(delay, str)
     for _ in range(_PASSES):
-        clear = sampled.reversal > sampled.near + (abs(at) if tried_once else LONGEST_DELAY)
-        fit = ForcesFit(sampled.rows, design, prior, noise, offsets, clear if clear.mean() > _CLEAR else None)
+        clear = _clear(sampled, abs(at) if tried_once else LONGEST_DELAY)
+        fit = ForcesFit(sampled.rows, design, prior, noise, offsets, clear)
         tried_once = True
         if isinstance(delay, str):
             tried = np.linspace(-LONGEST_DELAY, LONGEST_DELAY, 41)
@@ -487,7 +509,6 @@ def _averaged(
     filled = np.where(np.isfinite(seen), seen, 0.0)
     mean = filled.sum(axis=0) / np.maximum(number, 1)
     apart = np.where(np.isfinite(seen), seen - mean, 0.0)
-    spread = np.sqrt((apart**2).sum(axis=(0, 1)) / np.maximum((number - 1).clip(0).sum(axis=0), 1))
     whole = (number > 0).all(axis=1)
     for j in range(mean.shape[1]):
         there = number[:, j] > 0
@@ -498,6 +519,8 @@ def _averaged(
     reversal = _from_reversals(np.asarray(first + phase, dtype=float), motion, T)
     clear = whole & (reversal > _JUMP * step).all(axis=1)
     whole = clear if clear.mean() > 0.5 else whole
+    free = np.maximum((number[whole] - 1).clip(0).sum(axis=0), 1)
+    spread = np.sqrt((apart[:, whole] ** 2).sum(axis=(0, 1)) / free)
     states = _states(forces, log, motion.at(first + phase[whole]), mean[whole], prior)
     spectrum, omega = np.fft.rfft(mean, axis=0), 2 * np.pi / T * np.arange(count // 2 + 1)
     fade = np.clip(4 * np.arange(count // 2 + 1) / count - 1, 0.0, 1.0)  # without it, jumps would ring
@@ -510,7 +533,7 @@ def _averaged(
     rows = forces.rows(states)
     share = float((lowpass**2).mean()) / repeats
     found = SampledLog(
-        first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step
+        first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step, _AVERAGED
     )
     return found, motion, repeats
 
@@ -544,9 +567,7 @@ def _filtered(
     motions = [_splines(log, good, piece, way) for piece in pieces]
     band = max(motion.band for motion in motions)
     step = float(np.median(np.diff(log.time)))
-    half = _KERNEL / band
-    if half < 2 * step:
-        half = 0.0
+    half = max(_KERNEL / band, 2 * step)  # from two steps on it averages as much whatever the delay
     for piece, one in zip(pieces, motions, strict=True):
         _states(forces, log, one.at(log.time[piece][::20]), log.forces[piece][::20], prior)
     found = [_piece(forces, log, good, piece, one, half) for piece, one in zip(pieces, motions, strict=True)]
@@ -563,9 +584,10 @@ def _filtered(
         Rows(*(np.concatenate(part) for part in zip(*(one.rows for one in found), strict=True))),
         lambda delay: np.concatenate([one.forces(delay) for one in found]),
         noise,
-        0.75 * step / half if half else 1.0,
+        0.75 * step / half,
         np.concatenate([one.reversal for one in found]),
         half + _JUMP * step,
+        1,
     )
     residual = np.sqrt(np.mean([motion.left**2 for motion in motions], axis=0))
     return joined, Motion(motions[0].at, band, residual)
@@ -637,44 +659,36 @@ def _splines(log: MotorLog, good: Usable, piece: slice, way: Literal["auto"] | f
 def _piece(
     forces: IdentifiableForces, log: MotorLog, good: Usable, piece: slice, motion: Motion, half: float
 ) -> SampledLog:
-    """Return forces and model of a piece through windows of a half width [s]; zero for none."""
+    """Return forces and model of a piece through windows of a half width [s]."""
     time, y, kept = log.time[piece], log.forces[piece], good.kept[piece]
-    ends = half + (LONGEST_DELAY if half else 0.0)
-    at = np.arange(time[0] + ends, time[-1] - ends, _APART * half) if half else time[kept.all(axis=1)]
+    ends, m, P = half + LONGEST_DELAY, y.shape[1], len(forces.design)
+    at = np.arange(time[0] + ends, time[-1] - ends, _APART * half)
     if not len(at):
         at = time[:0]
-    if half:
-        weights = [_windows(time, at, half, kept[:, j]) for j in range(y.shape[1])]
-        whole = np.all([enough for _, enough in weights], axis=0)
-        at = at[whole]
-    m, P = y.shape[1], len(forces.design)
+    weights = [_windows(time, at, half, kept[:, j]) for j in range(m)]
+    at = at[np.all([enough for _, enough in weights], axis=0)]
+    reversal = _from_reversals(time, motion)
+    nearest = np.stack([np.interp(at, time, reversal[:, j]) for j in range(m)], axis=-1)
+    clear = (nearest > half + _JUMP * np.median(np.diff(time))).all(axis=1)
+    if len(at) and clear.mean() > 0.5:
+        at, nearest = at[clear], nearest[clear]
     states = forces.from_actuators(*motion.at(at))
-    if not half:
-        rows = forces.rows(states)
-    else:
-        columns, known = np.zeros((len(at), m, P)), np.zeros((len(at), m))
-        thin = max(1, int(2 * half / np.median(np.diff(time)) / _WITHIN))
-        own = [_windows(time[::thin], at, half, kept[::thin, j])[0] for j in range(m)]
-        for block in slices(len(time[::thin]), _BLOCK):
-            some = forces.rows(forces.from_actuators(*motion.at(time[::thin][block])))
-            for j in range(m):
-                part = own[j][:, block]
-                columns[:, j] += part @ some.columns[:, j]
-                known[:, j] += part @ some.known[:, j]
-        rows = Rows(columns, known)
+    columns, known = np.zeros((len(at), m, P)), np.zeros((len(at), m))
+    thin = max(1, int(2 * half / np.median(np.diff(time)) / _WITHIN))
+    own = [_windows(time[::thin], at, half, kept[::thin, j])[0] for j in range(m)]
+    for block in slices(len(time[::thin]), _BLOCK):
+        some = forces.rows(forces.from_actuators(*motion.at(time[::thin][block])))
+        for j in range(m):
+            part = own[j][:, block]
+            columns[:, j] += part @ some.columns[:, j]
+            known[:, j] += part @ some.known[:, j]
 
     def measured(delay: float) -> FloatArray:
-        if not half:
-            return np.stack(
-                [np.interp(at + delay, time[kept[:, j]], y[kept[:, j], j]) for j in range(m)], axis=-1
-            )
         return np.stack(
             [_windows(time, at + delay, half, kept[:, j])[0] @ y[:, j] for j in range(m)], axis=-1
         )
 
-    reversal = _from_reversals(time, motion)
-    nearest = np.stack([np.interp(at, time, reversal[:, j]) for j in range(m)], axis=-1)
-    return SampledLog(at, states, rows, measured, np.zeros(m), 1.0, nearest, 0.0)
+    return SampledLog(at, states, Rows(columns, known), measured, np.zeros(m), 1.0, nearest, 0.0, 1)
 
 
 def _windows(

@@ -199,7 +199,8 @@ class Validation(Readable):
     error, design_error, size : (m,) array
         Root mean square of the residuals, of the design's, and of the forces [N or N m].
     whiteness : (m,) array
-        Probability of residuals as correlated as these, if they were white noise (Ljung-Box).
+        Probability of residuals as correlated as these, if the model were right and noise white (Ljung-Box,
+        over the samples that filters leave independent).
     chi_square : float
         Mean square of the residuals over their predicted variance, noise and doubts of the parameters: one
         if all is well.
@@ -261,8 +262,9 @@ def validate(
     error, before, size = (np.sqrt((x**2).mean(axis=0)) for x in (residuals, design, data.forces))
     total, total_before = (float(np.sqrt(((x / size) ** 2).mean())) for x in (error, before))
     better = total <= _GAIN * total_before
-    chi_square = _chi_square(identification, data, residuals)
-    white = np.array([ljung_box(column) for column in residuals.T])
+    whitened = _whitened(identification, data, residuals)
+    chi_square = float((whitened**2).mean())
+    white = np.array([ljung_box(x[some]) for x, some in zip(whitened.T, data.independent.T, strict=True)])
     remarks = [*data.remarks, *_prior_told(identification)]
     if chi_square > _LACKING:
         remarks.append(
@@ -287,15 +289,19 @@ def _in_units(error: FloatArray, before: FloatArray, units: tuple[str, ...]) -> 
     return ", ".join(found)
 
 
-def _chi_square(identification: Identification, data: PreparedLog, residuals: FloatArray) -> float:
-    """Return rᵀ (noise + A Σ Aᵀ)⁻¹ r over its expectation, by the matrix inversion lemma."""
+def _whitened(identification: Identification, data: PreparedLog, residuals: FloatArray) -> FloatArray:
+    """Return (noise + A Σ Aᵀ)^-1/2 r, (N, m): white if all is well, doubts of the parameters included.
+
+    With B = noise^-1/2 A Σ^1/2 and BᵀB = V diag(s² - 1) Vᵀ, it is (1 - B V diag(1 / (s + s²)) Vᵀ Bᵀ) r.
+    """
     P = len(identification.forces.names)
     w, V = np.linalg.eigh(identification.estimate.covariance[:P, :P])
     keep = w > 1e-14 * max(float(w.max(initial=0.0)), 1e-300)
     B = (data.rows.columns @ (V[:, keep] * np.sqrt(w[keep]))) / data.noise[:, None]
     B, r = B.reshape(-1, B.shape[-1]), (residuals / data.noise).ravel()
-    h = B.T @ r
-    return float(r @ r - h @ np.linalg.solve(np.eye(len(h)) + B.T @ B, h)) / len(r)
+    seen, V = np.linalg.eigh(B.T @ B)
+    s = np.sqrt(1 + np.maximum(seen, 0.0))
+    return np.asarray(r - B @ (V @ ((V.T @ (B.T @ r)) / (s + s**2)))).reshape(residuals.shape)
 
 
 def ljung_box(values: FloatArray, lags: int = _LAGS) -> float:
