@@ -17,11 +17,13 @@ from p3dof.cli.kinds import FIGURE
 from p3dof.cli.loop.identify import Asked, asked_options, command_of, identified
 from p3dof.cli.machine import PARAMETERS, PAYLOAD, machine_of
 from p3dof.cli.measuring import (
+    ACCURACIES,
     ACCURACY,
     MEASURING,
     OUTPUTS,
     TASK,
     Wanted,
+    held_out_told,
     parted,
     poses_in,
     require_plan,
@@ -99,7 +101,12 @@ def identify(data: Path, parameters: Path | None, asked: Asked, out: Path | None
     return identified(forces, data, asked, None if out is None else save, command)
 
 
-_WORDS = {"sigma:": "--sigma:", "tolerances": "--sigma", "tolerance of": "--sigma", "sigma of": "--sigma"}
+_WORDS = ACCURACIES | {
+    "sigma:": "--sigma:",
+    "tolerances": "--sigma",
+    "tolerance of": "--sigma",
+    "sigma of": "--sigma",
+}
 _WORDS |= {
     "count:": "--plan:",
     "lengths by names of parameters, such as {'L': '50 um'}": "NAME=VALUE such as 'L=50 um'",
@@ -188,6 +195,10 @@ def calibrate(
     offsets = ", ".join(formatted(1e3 * x, "+.4f") for x in found.encoders)
     print_plain(console, f"Encoders of the machine with one R, r and L read {offsets} mm too much (A, B, C).")
     tell_noise(console, found.noise)
-    print_warnings(console, [f"pose {k + 1}, {name}: does not fit the others" for k, name in found.outliers])
+    used = np.flatnonzero(own)
+    far = [f"pose {used[k] + 1}, {name}: does not fit the others" for k, name in found.outliers]
+    if tested is not None:
+        far += held_out_told(tested[1], noise, list(POSE), held, found.noise)
+    print_warnings(console, far)
     print_written(console, written)
     return 0

@@ -131,6 +131,8 @@ MEASURING = options(
     ),
 )  # fmt: skip
 """Options of both commands that calibrate."""
+ACCURACIES = {"sigma of measured lengths": "--accuracy", "sigma of measured angles": "--angle-accuracy"}
+"""What arguments of Python are among these options."""
 
 
 def poses_in(
@@ -176,6 +178,19 @@ _MUCH = 2.0
 def rms(error: FloatArray, noise: Any) -> float:
     """Return the root mean square of errors in standard deviations."""
     return float(np.sqrt(np.nanmean((np.asarray(error) / np.asarray(noise)) ** 2)))
+
+
+HELD_OUT = 5.0
+"""Deviations from which a number of a pose held out does not fit."""
+
+
+def held_out_told(error: FloatArray, sigma: Any, names: Sequence[str], held: Any, noise: float) -> list[str]:
+    """Return a line for each number of poses held out that is far off, the worst first."""
+    unit = float(np.fmax(1.0, noise))  # where all numbers scatter more than was said
+    apart = np.nan_to_num(np.abs(np.asarray(error) / np.asarray(sigma)))
+    poses = np.flatnonzero(held)
+    far = [(float(apart[k, i]), poses[k] + 1, names[i]) for k, i in np.argwhere(apart > HELD_OUT * unit)]
+    return [f"pose {k}, {name}: held out, and {x:.3g} deviations off" for x, k, name in sorted(far)[::-1]]
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,52 @@ def test_poses_held_out_and_outliers_are_told(measured, capsys):
     assert "5 poses held out: " + ", ".join(f"{x:.3g}" for x in rms) in told
 
 
+def test_outliers_are_named_by_their_line_whether_used_or_held_out(measured, capsys):
+    """Of poses 8, 16 ... held out, 16 is off by 1 mm; of the others the tenth, the ninth that is used."""
+    path, read, seen = measured
+    lines = path.read_text().splitlines()
+    for pose in (10, 16):
+        fields = lines[1 + pose].split(",")
+        fields[4] = str(float(fields[4]) + 1e-3)
+        lines[1 + pose] = ",".join(fields)
+        seen[pose - 1, 1] += 1e-3
+    path.write_text("\n".join(lines))
+    code, told, _ = run(capsys, "calibrate", path, *EXACT, *LEGS, "--hold-out", 8, "--leave-out")
+    assert code == 0
+    held = np.arange(40) % 8 == 7
+    found = calibrate_machine(None, read[~held], seen[~held], (1e-5, 1e-5, 5e-5), WIDTHS, leave_out=True)
+    off = abs(found.errors(read[[15]], seen[[15]])[1][0, 1]) / 1e-5
+    assert off > 50
+    assert "pose 10, z: does not fit the others" in told
+    assert [line for line in told.splitlines() if "held out, and" in line] == [
+        f"pose 16, z: held out, and {off:.3g} deviations off"
+    ]
+
+
+def _turned(rows, column):
+    return [[*row[:column], str(-float(row[column] or "nan")), *row[column + 1 :]] for row in rows]
+
+
+@pytest.mark.parametrize("where", [3, 4, 5])
+def test_a_column_of_poses_that_is_turned_round_is_told(measured, capsys, where):
+    path = measured[0]
+    header, *rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
+    rows = [row for row in rows if row[3]]
+    path.write_text("\n".join(",".join(row) for row in [header, *_turned(rows, where)]))
+    code, told, error = run(capsys, "calibrate", path, *EXACT, *LEGS)
+    name = ("y", "z", "theta")[where - 3]
+    assert (code, told) == (2, "")
+    assert error.strip().endswith(f"it seems that {name} has the other sign: correct the columns")
+
+
+def test_columns_of_poses_that_are_exchanged_are_told(measured, capsys):
+    path = measured[0]
+    path.write_text(path.read_text().replace("y [mm],z", "z [mm],y"))
+    code, told, error = run(capsys, "calibrate", path, *EXACT, *LEGS)
+    assert (code, told) == (2, "")
+    assert error.strip().endswith("it seems that y and z are exchanged: correct the columns")
+
+
 def test_a_plan_of_the_machine_is_a_file_that_is_measured(tmp_path, capsys):
     out = tmp_path / "where.csv"
     code, told, _ = run(capsys, "calibrate", *EXACT, *LEGS, "--plan", 9, "--out", out)
@@ -162,6 +208,12 @@ def test_a_plan_of_a_robot_is_chosen_of_a_file_or_of_its_limits(five_bar, tmp_pa
         (("calibrate", "poses.csv", *EXACT, "--sigma", "R=foo"), "error: --sigma R: expected a length"),
         (("calibrate", "poses.csv", *EXACT, "--sigma", "R"), "expected NAME=VALUE such as 'R=0.1 mm'"),
         (("calibrate", "poses.csv", *EXACT, "--sigma", "R=1 mm", "--sigma", "R=2 mm"), "got R twice"),
+        (("calibrate", "poses.csv", "--accuracy", 15, *LEGS), "error: --accuracy: expected less than what"),
+        (("calibrate", "--plan", 9, "--accuracy", 15, *LEGS), "numbers without a unit are in SI units"),
+        (
+            ("calibrate", "poses.csv", "--accuracy", "1 um", "--angle-accuracy", 4, *LEGS),
+            "error: --angle-accuracy: expected less than what is measured, 3.14 rad, got 4 rad",
+        ),
         (("calibrate", "--plan", 5, *EXACT, *LEGS, "--leave-out"), "--plan measures nothing yet"),
         (("calibrate", "--plan", 5, *EXACT, *LEGS, "--out", "a.yaml"), "ends in .csv"),
     ],
@@ -183,6 +235,7 @@ def test_a_slip_is_one_line(measured, monkeypatch, capsys, arguments, words):
         (("--sigma", "hand.x=1 mm"), "--sigma: there is no 'hand.x'"),
         (("--sigma", "hand.offset=1 deg"), "--sigma: there is no 'hand.offset'"),
         (("--combine", "a"), "--combine: expected NAME=PART,PART"),
+        (("--accuracy", 15, "--sigma", "*_motor.offset=1"), "error: --accuracy: expected less than what is"),
         (("--out", "poses.csv", "--sigma", "*_motor.offset=1"), "a CSV file holds the poses of --plan"),
     ],
 )

@@ -36,10 +36,13 @@ from p3dof.analysis.tolerances.pose import (
 from p3dof.closed_form.kinematics import forward_kinematics, singularity
 from p3dof.loops.identification.calibration import (
     MeasurementPlan,
+    fit_of_columns,
     in_units,
     plan_of,
+    require_accuracy,
     require_enough,
     require_metres,
+    wrong_columns,
 )
 from p3dof.loops.identification.fitting import (
     Combinations,
@@ -282,16 +285,15 @@ def calibrate_machine(
     ------
     InputError
         If shapes do not fit, there are no more numbers than combinations of parameters that they tell, all
-        poses are alike, or numbers look like mm or degrees.
+        poses are alike, numbers look like mm or degrees, sigma is as large as the legs are long, or columns
+        seem exchanged or turned round.
     ReachError, AssemblyError
         If the design, or a machine with such legs, cannot be where its encoders read so.
     """
     machine = parameters_of(robot)
     geometry = machine.geometry
     read, seen = _measured(sliders, pose)
-    deviations = frozen_array("sigma", sigma, (3,))
-    if not (deviations > 0).all():
-        raise InputError("sigma: expected positive standard deviations of y, z [m] and theta [rad]")
+    deviations = _deviations(sigma, geometry)
     names, widths = _tolerances(tolerances, geometry)
     problem = _Problem(geometry, read, seen, deviations, np.eye(len(ALL))[:, [ALL.index(n) for n in names]])
     before = problem.all(np.zeros(len(names)))[0]
@@ -303,7 +305,8 @@ def calibrate_machine(
     error, rows = problem.evaluate(np.zeros(len(names)))
     told = combinations_of(rows / problem.sigma[:, None], names)
     require_enough(len(error), told)
-    found = fit(problem.evaluate, problem.sigma, widths)
+    columns = wrong_columns(POSE, seen, before)
+    found = fit_of_columns(problem.evaluate, problem.sigma, widths, columns)
     wrong = outliers_of(found, widths)
     places = np.argwhere(problem.kept)
     if wrong and leave_out:
@@ -356,6 +359,15 @@ def _symmetric(
     alike.sigma = problem.sigma
     found = fit(alike.evaluate, alike.sigma, np.array(own))
     return alike.matrix @ found.parameters, alike.all(found.parameters)[0]
+
+
+def _deviations(sigma: ArrayLike, geometry: Geometry) -> FloatArray:
+    """Return standard deviations of measured y, z [m] and theta [rad]."""
+    found = frozen_array("sigma", sigma, (3,))
+    if not (found > 0).all():
+        raise InputError("sigma: expected positive standard deviations of y, z [m] and theta [rad]")
+    require_accuracy(found, (True, True, False), geometry.L)
+    return found
 
 
 def _measured(sliders: ArrayLike, pose: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -413,7 +425,7 @@ def plan_machine(
     if sliders is None:
         sliders = _candidates(machine, whole("candidates", candidates, 1), whole("seed", seed, 0))
     read = frozen_array("sliders", sliders, ("C", 3))
-    deviations = frozen_array("sigma", sigma, (3,))
+    deviations = _deviations(sigma, machine.geometry)
     names, widths = _tolerances(tolerances, machine.geometry)
     columns = [ALL.index(name) for name in names]
     problem = _Problem(machine.geometry, read, np.zeros(read.shape), deviations, np.eye(len(ALL))[:, columns])

@@ -25,11 +25,13 @@ from p3dof.cli.kinds import FIGURE, POSITIVE, SECONDS, SMOOTH, Amount, as_one
 from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import METHOD, numbers_of, with_robot
 from p3dof.cli.measuring import (
+    ACCURACIES,
     ACCURACY,
     MEASURING,
     OUTPUTS,
     TASK,
     Wanted,
+    held_out_told,
     parted,
     poses_in,
     require_plan,
@@ -316,7 +318,12 @@ def _held_out(asked: Asked) -> list[object]:
     return [] if asked.held_out is None else ["--validate", asked.held_out]
 
 
-_OPTIONS = {"tolerances": "--sigma", "combined": "--combine", "frame:": "--frame:", "count:": "--plan:"}
+_OPTIONS = ACCURACIES | {
+    "tolerances": "--sigma",
+    "combined": "--combine",
+    "frame:": "--frame:",
+    "count:": "--plan:",
+}
 _COLUMNS = {name: name[0] != "r" for name in COMPONENTS}
 """What may be measured, and what of it is a length."""
 _CANDIDATES = 1000  # random poses that a plan is chosen from
@@ -428,9 +435,10 @@ def calibrate(
         print_plain(console, f"{held.sum()} poses held out: {before:.3g} before, {after:.3g} after.")
     tell_noise(console, found.noise)
     used = np.flatnonzero(own)
-    print_warnings(
-        console, [f"pose {used[k] + 1}, {name}: does not fit the others" for _, k, name in found.outliers]
-    )
+    far = [f"pose {used[k] + 1}, {name}: does not fit the others" for _, k, name in found.outliers]
+    if tested is not None:
+        far += held_out_told(tested[1], every.sigma, every.components, held, found.noise)
+    print_warnings(console, far)
     print_written(console, [*files, *beside])
     return 0
 

@@ -9,8 +9,9 @@ tolerances of the design follow by least squares (`p3dof.loops.identification.fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -28,7 +29,7 @@ from p3dof._base.checks import (
     shown,
     whole,
 )
-from p3dof._base.errors import AssemblyError, InputError
+from p3dof._base.errors import AssemblyError, InputError, P3dofError
 from p3dof._base.tables import Table, Tabular, table_of
 from p3dof.loops.identification.fitting import (
     DEVICE,
@@ -38,6 +39,7 @@ from p3dof.loops.identification.fitting import (
     DisplacedRobot,
     Displacements,
     Fit,
+    Rows,
     chosen_poses,
     combinations_of,
     displacements,
@@ -56,6 +58,7 @@ Combined: TypeAlias = Mapping[str, Mapping[str, float] | Sequence[str]]
 _IDLE = 1e-6  # least derivative of a number by an idle joint that makes it undetermined
 _ALIKE = 1e-6  # spread of readings below which all poses are one [m or rad]
 _WRONG_UNIT = 20.0  # by how much better numbers fit in mm for an error that says so
+_FAR = 20.0  # scatter over what was given as sigma from which columns may be turned round or exchanged
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,8 +392,8 @@ def calibrate(
         If the loops do not close at a pose.
     InputError
         If there are no more numbers than combinations of parameters that they tell, all poses are alike, a
-        name does not exist, the loops cannot close with another value of a parameter, or
-        numbers look like mm.
+        name does not exist, the loops cannot close with another value of a parameter, numbers look like mm,
+        sigma is as large as what is measured, or columns seem exchanged or turned round.
     OptimisationError
         If the least squares do not converge.
     """
@@ -404,7 +407,12 @@ def calibrate(
     error, rows = problem.evaluate(zero)
     seen = combinations_of(rows / problem.sigma[:, None], parameters.names)
     require_enough(len(error), seen)
-    found = fit(problem.evaluate, problem.sigma, parameters.tolerances)
+    told = [
+        wrong_columns(one.components, one.values, error) for one, error in zip(kinds, before, strict=True)
+    ]
+    found = fit_of_columns(
+        problem.evaluate, problem.sigma, parameters.tolerances, next(filter(None, told), "")
+    )
     wrong = outliers_of(found, parameters.tolerances)
     places = [(k, i, name) for k, one in enumerate(kinds) for i in range(len(one)) for name in one.components]
     outliers = tuple(places[np.flatnonzero(problem.kept)[i]] for i in wrong)
@@ -462,8 +470,59 @@ def _check_poses(kinds: Sequence[Measurements], before: Sequence[FloatArray]) ->
     if np.ptp(readings, axis=0).max(initial=0.0) <= _ALIKE:
         raise InputError("measured: all poses are alike: expected readings of the motors that differ")
     for one, error in zip(kinds, before, strict=True):
+        lengths = [name[0] != "r" for name in one.components]
+        size = np.nanmax(np.abs((error + one.values)[:, lengths]), initial=0.0)
+        require_accuracy(one.sigma, lengths, float(size))
         for column, name in enumerate(one.components):
             require_metres(name, one.values[:, column], error[:, column], name[0] != "r")
+
+
+def require_accuracy(sigma: FloatArray, lengths: Sequence[bool], size: float) -> None:
+    """Raise if a measured number would be as uncertain as what is measured is large: a unit is missing."""
+    for value, length in zip(sigma, lengths, strict=True):
+        what, most, unit = ("lengths", size, "m") if length else ("angles", np.pi, "rad")
+        if value >= most > 0:
+            raise InputError(
+                f"sigma of measured {what}: expected less than what is measured, {most:.3g} {unit}, got "
+                f"{value:g} {unit}; numbers without a unit are in SI units"
+            )
+
+
+def wrong_columns(names: Sequence[str], values: FloatArray, error: FloatArray) -> str:
+    """Return in words which sign or exchange of measured columns (K, c) fits far better, or nothing."""
+    computed = error + values
+    found = []
+    for i, j in combinations_with_replacement(range(len(names)), 2):
+        if (names[i][0] in "rt") != (names[j][0] in "rt"):  # an angle and a length
+            continue
+        own = computed[:, [i, j]]
+        other = values[:, [j, i]] * (-1 if i == j else 1)
+        off, left, size = (_spread(x) for x in (own - values[:, [i, j]], own - other, own))
+        if min(off, size) > _WRONG_UNIT * left:
+            words = f"{names[i]} has the other sign" if i == j else f"{names[i]} and {names[j]} are exchanged"
+            found.append((left / off, words))
+    return f"measured: it seems that {min(found)[1]}: correct the columns" if found else ""
+
+
+def _spread(values: FloatArray) -> float:
+    """Return the largest distance from the mean of a column: where the device stands does not count."""
+    values = values[~np.isnan(values).any(axis=1)]
+    return float(np.abs(values - values.mean(axis=0)).max()) if len(values) else 0.0
+
+
+def fit_of_columns(
+    evaluate: Callable[[FloatArray], Rows], sigma: FloatArray, tolerances: FloatArray, wrong: str
+) -> Fit:
+    """Return the most likely parameters; where none fit, say what is wrong with the columns."""
+    try:
+        found = fit(evaluate, sigma, tolerances)
+    except P3dofError as error:
+        if wrong:
+            raise InputError(wrong) from error
+        raise
+    if wrong and found.noise > _FAR:
+        raise InputError(wrong)
+    return found
 
 
 def require_metres(name: str, values: FloatArray, error: FloatArray, length: bool) -> None:
