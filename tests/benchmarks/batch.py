@@ -35,6 +35,7 @@ BESIDE = {
     "forward_dynamics": "forward dynamics",
     "inverse_dynamics_with_friction": "forces with friction",
     "forward_dynamics_with_friction": "forward dynamics with friction",
+    "inverse_dynamics_derivatives_with_friction": "forces with friction and their derivatives",
     "mass_matrix": "mass matrix",
     "coriolis_matrix": "Coriolis matrix",
     "gravity_forces": "gravity forces",

@@ -137,6 +137,18 @@ def test_what_is_not_finite_is_told_or_left_out():
         states_of(HOME, HOME, forces=[np.nan, 0, 0]).finite()
 
 
+def test_what_overflows_is_told_with_the_largest_that_was_given():
+    nan = np.array([[0.0, 0, 0], [np.nan, 0, 0]])
+    states = states_of([HOME, HOME], [[3e200, 0, 0], [1, -2e200, 0]], wrench=[1e190] * 6)
+    states.raise_overflow("forces", np.zeros((2, 3)))
+    told = r"^forces: expected finite numbers, got \[nan, 0.0, 0.0\] from {} \(sample 1, the first of 1 such"
+    with pytest.raises(InputError, match=told.format(r"velocity \[1.0, -2e\+200, 0.0\]")):
+        states.raise_overflow("forces", nan)
+    states = states_of([HOME, HOME], [HOME, HOME], wrench=[[0] * 6, [0, 1e300, 0, 0, 0, 0]])
+    with pytest.raises(InputError, match=told.format(r"wrench \[0.0, 1e\+300, 0.0, 0.0, 0.0, 0.0\]")):
+        states.raise_overflow("forces", nan)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
