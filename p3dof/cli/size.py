@@ -36,7 +36,13 @@ from p3dof.design.drives import (
     write_ranking,
 )
 from p3dof.design.fastest import limits_of, sizing_table, within_limits
-from p3dof.design.forces_of_tasks import USUAL_FRICTION, TaskForces, forces_of_task, with_guide_friction
+from p3dof.design.forces_of_tasks import (
+    USUAL_FRICTION,
+    TaskForces,
+    forces_of_task,
+    with_guide_friction,
+    with_rotors,
+)
 from p3dof.design.sizing import size_drives, stopped_safely
 from p3dof.design.tasks import read_task
 from p3dof.machine.parameters import Body, write_parameters
@@ -128,12 +134,18 @@ def size(
     nearest = "" if best.fits else "comes nearest, but "
     told = verdict(best, lambda time: found.piece_at(time).name)
     print_plain(console, f"{best.name} {nearest}{told}")
-    machine, own = robot.parameters.limits, limits_of(robot, task) if task.limits else None
-    within = within_limits(found, machine, own)
+    machine, own = (
+        robot.parameters.limits,
+        limits_of(robot, task, reflected_mass=0.0) if task.limits else None,
+    )
+    driven = with_rotors(found, [drive.reflected_mass for drive in best.drives])
+    within = within_limits(driven, machine, own)
     if not within:
         print_plain(console, "the task exceeds limits of the machine or its own, whatever a drive bears")
     for words in caveats(best):
         print_plain(console, words)
+    replaced = ", which replaces the armature" if robot.parameters.actuators.armature else ""
+    print_plain(console, f"forces of limits have the drives' own inertia{replaced}")
     if found is not bare:
         print_plain(console, f"assumed: {USUAL_FRICTION} (--frictionless leaves it out)")
     print_plain(console, f"not checked: {'; '.join((*not_checked(best), *without_friction(robot, found)))}")
@@ -145,7 +157,7 @@ def size(
         show(console, supply_table(best.supply), notes=True)
     if stopped:
         show(console, stops_table(stopped), notes=True)
-    show(console, sizing_table(found, machine, own), notes=True)
+    show(console, sizing_table(driven, machine, own), notes=True)
     if catalogue_file is None:
         print_plain(console, "generic sizes, for a first look only: give the makers' numbers with --drives")
     written = write_results(

@@ -322,6 +322,16 @@ def with_guide_friction(
     return replace(found, results=tuple(_rubbed(machine, one, bearings, stiffness) for machine, one in pairs))
 
 
+def with_rotors(found: TaskForces, masses: Sequence[float]) -> TaskForces:
+    """Return forces with these inertias of motors and screws (3,), reflected [kg], in place of armatures."""
+    own = np.array(masses)
+    turned = [
+        replace(one, forces=one.nut_forces + own * one.slider_accelerations, armature=own)
+        for one in found.results
+    ]
+    return replace(found, results=tuple(turned))
+
+
 def _rubbed(
     robot: Manipulator, result: InverseDynamics, bearings: Bearings | None, stiffness: Stiffness | None
 ) -> InverseDynamics:

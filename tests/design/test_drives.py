@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -590,6 +591,33 @@ def test_the_command_names_the_rating_that_is_broken(capsys, tmp_path, monkeypat
     code, out, _ = run(capsys, "report", "task.yaml", "--duration", 2, "--drives", "drives.yaml")
     assert "speed of A has a utilisation of 140%" in out
     assert "torque of" not in out
+
+
+def test_forces_of_limits_have_the_inertia_of_the_drives_whatever_armature_was_given(
+    capsys, tmp_path, monkeypatch
+):
+    """As those of `plan` of a machine whose armature is what the best drive reflects."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "task.yaml").write_text(PICK_AND_PLACE, encoding="utf-8")
+    (tmp_path / "drives.yaml").write_text(CATALOGUE, encoding="utf-8")
+    line = ("task.yaml", "--duration", 2, "--samples", 201)
+    row = re.compile(r"force ([ABC]) \[N\] +(\S+)")
+    found = []
+    for armature in ((), ("--armature", 50)):
+        _, out, _ = run(capsys, "size", *line, "--drives", "drives.yaml", "--frictionless", *armature)
+        told = " ".join(out.split())
+        assert "forces of limits have the drives' own inertia" in told
+        assert (", which replaces the armature" in told) == bool(armature)
+        found.append(row.findall(out))
+    assert len(found[0]) == 3
+    assert found[0] == found[1]
+    mass = re.search(r"reflected mass \[kg\] +(\S+)", out)[1]
+    _, out, _ = run(capsys, "plan", *line, "--armature", mass)
+    assert [(leg, float(x)) for leg, x in row.findall(out)] == [
+        (leg, pytest.approx(float(x), rel=1e-4)) for leg, x in found[0]
+    ]
+    _, out, _ = run(capsys, "plan", *line)
+    assert row.findall(out) != found[0]
 
 
 def test_a_bad_catalogue_is_one_line(capsys, tmp_path, monkeypatch):
