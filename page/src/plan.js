@@ -178,19 +178,23 @@ export function planned(task, stretches, durations, samples = 1001) {
 function sampled(spans, turns, kinks, moving, samples) {
     const total = spans[spans.length - 1].end, close = Math.max(CLOSE * moving, 1e-15 * total);
     const parts = apart(turns, [], close), ends = [0, ...spans.map(({ end }) => end)];
-    const known = [...ends, ...apart(kinks, ends, close)], least = Math.ceil((samples - 1) / PARTS);
-    /** @type {number[]} */
-    const found = [];
+    const bends = apart(kinks, [...ends, ...parts], close), least = Math.ceil((samples - 1) / PARTS);
+    const found = [total];
     for (const { start, end, waits } of spans) {
         const inner = parts.filter((time) => time > start + close && time < end - close);
         [start, ...inner].forEach((from, k) => {
             const to = inner[k] ?? end;
             const even = Math.max(least, Math.ceil(((samples - 1) * (to - from)) / moving - 1e-9));
-            const count = Math.min(waits ? Math.ceil(least / PARTS) : even, Math.max(1, Math.trunc((to - from) / close)));
-            for (let i = 0; i < count; ++i) found.push(from + ((to - from) * i) / count);
+            const step = (to - from) / (waits ? Math.ceil(least / PARTS) : even);
+            const edges = [from, ...bends.filter((time) => time > from && time < to), to];
+            edges.slice(1).forEach((edge, i) => {
+                const size = edge - edges[i];
+                const count = Math.min(Math.ceil(size / step - 1e-9), Math.max(1, Math.floor(size / close)));
+                for (let n = 0; n < count; ++n) found.push(edges[i] + (size * n) / count);
+            });
         });
     }
-    return Float64Array.from([...known, ...apart(found, known, close)]).sort();
+    return Float64Array.from(found).sort();
 }
 
 /** Those of times that are no closer to each other, and to known ones, than that. @param {number[]} times @param {number[]} known @param {number} close */
