@@ -79,7 +79,7 @@ def test_what_is_written_comes_back_to_the_same_bits(tmp_path, log):
         ("t,a,b,force:a\n0,1,2,3\n", "expected a log of motors with the columns|expected the columns"),
         ("t,a,b,force:a [V],force:b\n0,1,2,3,4\n", r"column force:a: expected a unit of N m, .* got \[V\]"),
         ("t [h],a,b,force:a,force:b\n0,1,2,3,4\n", r"column t: expected a unit of s, ms"),
-        ("t,a,b,force:a,force:b\n0,1,2,nan,4\n", "line 2, column force:a: expected a finite number"),
+        ("t,a,b,force:a,force:b\n0,1,2,nan,4\n", "1 of 1 samples have no number in a column"),
         ("t,a,b,force:a,force:b\n0,1,2,3\n", "line 2: expected 5 columns, got 4"),
         ("t,a,b,force:a,force:b\n0,1,2,3,4\n0,1,2,3,4\n", "line 3, column t: expected a time after 0"),
         ("t,a,b,current:a,force:b\n0,1,2,3,4\n", "current:a is a current: give constants"),
@@ -263,6 +263,49 @@ def test_a_gap_is_told_and_both_sides_are_used(five_bar, log):
     assert found.time.min() < 0.5
     assert found.time.max() > 3.0
     assert not ((found.time > 1.2) & (found.time < 1.7)).any()
+
+
+HOLES = ["1.0,,2,3,4", "1.0,1,nan,3,4", "1.0,1,2,3,", "1.0,1,2, NaN ,4", ",1,2,3,4"]
+
+
+@pytest.mark.parametrize("hole", HOLES)
+def test_samples_without_a_number_are_left_out_as_lost_lines_are(tmp_path, hole, log):
+    path = log.to_csv(tmp_path / "log.csv")
+    header, *lines = path.read_text().splitlines()
+    without = ["# of a controller", header, *lines[:50], *lines[57:]]
+    path.write_text("\n".join([*without[:52], *[hole] * 7, *without[52:]]) + "\n")
+    found = read_log(path, log.actuators, KINDS)
+    assert found.left_out == 7
+    kept = np.r_[:50, 57 : len(log)]
+    for name in ("time", "positions", "forces"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(log, name)[kept])
+    path.write_text("\n".join([*without[:52], *[hole] * 7, *without[52:], "5,1,2,x,4"]))
+    with pytest.raises(MotionError, match=f"line {len(lines) + 3}, column .*expected a number, got 'x'"):
+        read_log(path, log.actuators, KINDS)
+
+
+def test_how_many_samples_have_no_number_is_told_with_the_gap(five_bar, tmp_path, log):
+    path = log.to_csv(tmp_path / "log.csv")
+    lines = path.read_text().splitlines()
+    holes = [line.rsplit(",", 1)[0] + "," for line in lines[50:60]]
+    path.write_text("\n".join([*lines[:50], *holes, *lines[60:]]))
+    data = prepare_log(five_bar[0], read_log(path, log.actuators, KINDS))
+    told = " ".join(data.remarks)
+    assert told.startswith("10 samples of ")
+    assert "log.csv have no number in a column (empty or NaN): left out" in told
+    assert "(11 steps): the pieces beside it are taken by themselves" in told
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_a_log_with_many_samples_without_a_number_is_one_error(tmp_path, share, log):
+    path = log.to_csv(tmp_path / "log.csv")
+    header, *lines = path.read_text().splitlines()
+    count = round(share * len(lines))
+    lines[:count] = [line.rsplit(",", 1)[0] + "," for line in lines[:count]]
+    path.write_text("\n".join([header, *lines]))
+    words = f"log.csv: {count} of {len(lines)} samples have no number in a column .* expected at most 20%"
+    with pytest.raises(MotionError, match=words):
+        read_log(path, log.actuators, KINDS)
 
 
 def test_outliers_of_forces_and_positions_are_left_out(five_bar, log):

@@ -8,6 +8,7 @@ before the name for its force or current, in any order; a unit in brackets may f
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -53,6 +54,11 @@ _WINDOW, _OUTLYING = 5, 8.0
 """Samples to each side, and spreads from their median, of what is no outlier yet (Hampel)."""
 
 
+_LINE = re.compile(r"^[ \t]*[^#\s].*$", re.MULTILINE)
+_HOLE = re.compile(r"^(?=.*,)(?:[^#\n]*,)?[ \t]*(?:nan)?[ \t]*(?:,.*)?\r?$", re.MULTILINE | re.IGNORECASE)
+"""A line with numbers, and one with a field that has none."""
+
+
 class Kind(NamedTuple):
     """What an actuator moves by, and pushes with."""
 
@@ -78,6 +84,8 @@ class MotorLog(FrozenArrays):
         The time of a clock at time zero [s].
     source : str
         What to call it in messages.
+    left_out : int
+        How many samples of the file had no number somewhere.
 
     Raises
     ------
@@ -93,6 +101,7 @@ class MotorLog(FrozenArrays):
     forces: FloatArray
     start: float = None  # type: ignore[assignment]  # made below
     source: str = "log"
+    left_out: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "actuators", tuple(self.actuators))
@@ -164,12 +173,13 @@ def read_log(
     Returns
     -------
     MotorLog
-        In SI units.
+        In SI units, without samples that have no number somewhere (empty or NaN).
 
     Raises
     ------
     MotionError
-        If the content does not fit; the message names file, line and column.
+        If the content does not fit; the message names file, line and column. If more than a fifth of the
+        samples have no number somewhere.
     InputError
         If constants do not fit, or are missing for currents.
     FileError
@@ -180,11 +190,15 @@ def read_log(
     parquet = isinstance(path, str | os.PathLike) and Path(path).suffix.lower() == ".parquet"
     if parquet:
         columns = _of_parquet(Path(path))  # type: ignore[arg-type]  # as the line above says
+        holes = np.any([np.isnan(column) for column in columns.values()], axis=0)
+        left_out = _few(int(np.count_nonzero(holes)), np.size(holes), source)
+        columns = {name: column[~holes] for name, column in columns.items()} if left_out else columns
         given = [name_and_unit(name)[0] for name in columns]
         time, values, start = csv_files.of_columns(columns, source, _form(given, each))
     else:
         text = read_text(path, csv_files.MAX_BYTES)
         given = csv_files.header_of(text, source)
+        text, left_out = _without_holes(text, source)
         time, values, start = csv_files.parse(text, source, _form(given, each))
     order = given[1:] if given[:1] == ["t"] else []
     found = {name: values[:, k] for k, name in enumerate(order)}
@@ -195,7 +209,25 @@ def read_log(
         for name in names
     ]
     positions = np.stack([found[name] for name in names], axis=-1)
-    return MotorLog(names, time, positions, np.stack(forces, axis=-1), start, source)
+    return MotorLog(names, time, positions, np.stack(forces, axis=-1), start, source, left_out)
+
+
+def _without_holes(text: str, source: str) -> tuple[str, int]:
+    """Make comments of lines that have an empty field or NaN: the numbers of other lines stay."""
+    header = _LINE.search(text)
+    start = header.end() if header else len(text)
+    rest, holes = _HOLE.subn("#", text[start:])
+    return text[:start] + rest, _few(holes, len(_LINE.findall(text, start)) if holes else 0, source)
+
+
+def _few(holes: int, count: int, source: str) -> int:
+    """Return how many samples have no number somewhere, if they are few."""
+    if holes > _MOST_LEFT_OUT * count:
+        raise MotionError(
+            f"{source}: {holes} of {count} samples have no number in a column (empty or NaN): expected at "
+            f"most {_MOST_LEFT_OUT:.0%}"
+        )
+    return holes
 
 
 def _form(given: list[str], each: Mapping[str, Kind]) -> csv_files.Form:
@@ -262,6 +294,10 @@ class Usable(NamedTuple):
 def usable(log: MotorLog, units: Sequence[Kind]) -> Usable:
     """Return which samples of a log are usable, and what to know about the others."""
     remarks = []
+    if log.left_out:
+        remarks.append(
+            f"{log.left_out} samples of {log.source} have no number in a column (empty or NaN): left out"
+        )
     kept, known = np.ones(log.forces.shape, dtype=bool), np.ones(log.forces.shape, dtype=bool)
     for j, (name, unit) in enumerate(zip(log.actuators, units, strict=True)):
         force = log.forces[:, j]
