@@ -67,6 +67,7 @@ _JUMP = 4.0
 """So many samples from a reversal, friction jumps between samples."""
 _CLEAR = 0.25
 """Share of the samples away from reversals from which they alone tell the delay, and are tested."""
+_LATER = 1e-4  # of a difference by the delay [s]
 _AVERAGED = 6
 """Samples of averaged periods that are so many apart do not correlate: the low-pass of `_averaged` has zeros
 of its autocorrelation at 6, 12, ..."""
@@ -102,6 +103,11 @@ class PreparedLog(Readable):
         How many were averaged; zero if it has none.
     delay, delay_deviation : float
         By how much forces were later than positions, and its standard deviation (zero if given) [s].
+    slope : (N, m) array
+        How forces change with the delay, where that was estimated; zero where it was given [N/s or N m/s].
+    fit_noise : (m,) array
+        What it counts with in a fit that takes samples as independent: more, where a low-pass lets neighbours
+        be alike [N or N m].
     independent : (N, m) array of bool
         Samples so far apart that their noise is independent, and away from reversals, near which friction
         jumps: what the test of residuals is of.
@@ -123,6 +129,8 @@ class PreparedLog(Readable):
     periods: int
     delay: float
     delay_deviation: float
+    slope: FloatArray
+    fit_noise: FloatArray
     independent: NDArray[np.bool_]
     about: str
     remarks: tuple[str, ...]
@@ -203,6 +211,7 @@ class SampledLog(NamedTuple):
     reversal: FloatArray  # (N, m): time from the nearest reversal of each actuator
     near: float  # from such a time on, forces before and after a reversal are not mixed
     apart: int  # so many samples on, noise is independent
+    kept: float  # share of the noise that a low-pass keeps, all of it where samples are independent
 
 
 def prepare_log(
@@ -270,9 +279,12 @@ def prepare_log(
             f"no delay within {1e3 * LONGEST_DELAY:g} ms fits best: give it, or look at the time "
             "stamps of the log"
         )
+    later, sooner = (sampled.forces(found + way * _LATER) for way in (1, -1))
+    slope = (later - sooner) / (2 * _LATER) * (doubt > 0)
     return PreparedLog(
         log, sampled.time, sampled.states, sampled.rows, sampled.forces(found), noise, sampled.spread,
-        motion.band, T, repeats, found, doubt, _independent(sampled, found), about, tuple(remarks),
+        motion.band, T, repeats, found, doubt, slope, noise / math.sqrt(sampled.kept),
+        _independent(sampled, found), about, tuple(remarks),
     )  # fmt: skip
 
 
@@ -315,7 +327,7 @@ def _fitted(
     noise, doubt, tried_once = np.maximum(least, 1e-3 * y.std(axis=0)), 0.0, not isinstance(delay, str)
     for _ in range(_PASSES):
         clear = _clear(sampled, abs(at) if tried_once else LONGEST_DELAY)
-        fit = ForcesFit(sampled.rows, design, prior, noise, offsets, clear)
+        fit = ForcesFit(sampled.rows, design, prior, noise / math.sqrt(sampled.kept), offsets, clear)
         tried_once = True
         if isinstance(delay, str):
             tried = np.linspace(-LONGEST_DELAY, LONGEST_DELAY, 41)
@@ -489,6 +501,8 @@ def _averaged(
     prior: FloatArray | None,
 ) -> tuple[SampledLog, Motion, int]:
     """Return the average over whole periods; with a prior, what is wrong is told where none is possible."""
+    from scipy.interpolate import CubicSpline
+
     T, first, last = span
     repeats, step = round((last - first) / T), float(np.median(np.diff(log.time)))
     inside = (log.time >= first - 0.5 * step) & (log.time <= last - 0.4 * step)
@@ -499,9 +513,10 @@ def _averaged(
     seen = np.full((repeats, count, log.forces.shape[1]), np.nan)
     for j, column in enumerate(log.forces.T):
         t, y = log.time[good.kept[:, j]], column[good.kept[:, j]]
+        curve = CubicSpline(t, y)
         for r in range(repeats):
             at = first + r * T + phase
-            value = np.interp(at, t, y)
+            value = curve(np.clip(at, t[0], t[-1]))  # a straight line is less than fast forces are
             right = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
             near = np.minimum(np.abs(t[right] - at), np.abs(t[right - 1] - at)) < 0.75 * step
             seen[r, :, j] = np.where(near, value, np.nan)
@@ -531,9 +546,18 @@ def _averaged(
         return np.asarray(np.fft.irfft(turned, count, axis=0)[whole])
 
     rows = forces.rows(states)
-    share = float((lowpass**2).mean()) / repeats
+    kept = float((lowpass**2).mean())
     found = SampledLog(
-        first + phase[whole], states, rows, shifted, spread, share, reversal[whole], _JUMP * step, _AVERAGED
+        first + phase[whole],
+        states,
+        rows,
+        shifted,
+        spread,
+        kept / repeats,
+        reversal[whole],
+        _JUMP * step,
+        _AVERAGED,
+        kept,
     )
     return found, motion, repeats
 
@@ -588,6 +612,7 @@ def _filtered(
         np.concatenate([one.reversal for one in found]),
         half + _JUMP * step,
         1,
+        1.0,
     )
     residual = np.sqrt(np.mean([motion.left**2 for motion in motions], axis=0))
     return joined, Motion(motions[0].at, band, residual)
@@ -688,7 +713,7 @@ def _piece(
             [_windows(time, at + delay, half, kept[:, j])[0] @ y[:, j] for j in range(m)], axis=-1
         )
 
-    return SampledLog(at, states, Rows(columns, known), measured, np.zeros(m), 1.0, nearest, 0.0, 1)
+    return SampledLog(at, states, Rows(columns, known), measured, np.zeros(m), 1.0, nearest, 0.0, 1, 1.0)
 
 
 def _windows(

@@ -158,19 +158,33 @@ def identify(
         design = np.concatenate([design, np.zeros(m)])
         doubt = np.concatenate([prior, OFFSET * np.sqrt((data.forces**2).mean(axis=0))])
         names += tuple(f"{name}.offset" for name in forces.actuators)
+    columns, rest = _whatever_the_delay(data, columns)
     estimate = estimate_parameters(
-        columns, data.forces - data.rows.known, design, doubt, data.noise,
+        columns, rest, design, doubt, data.fit_noise,
         method=method, widths=widths, names=names, consistent=consistent,
     )  # fmt: skip
-    fit = ForcesFit(data.rows, forces.design, prior, data.noise, doubt[count:] if offsets else np.zeros(m))
+    fit = ForcesFit(
+        data.rows, forces.design, prior, data.fit_noise, doubt[count:] if offsets else np.zeros(m)
+    )
     factor, share = fit.against_prior(data.forces, _INFORMED)
     remarks = [
         *data.remarks,
         *beyond_limits(forces, data.states, data.time),
-        *excitation_told(data.rows, prior, data.noise),
+        *excitation_told(data.rows, prior, data.fit_noise),
         *estimate.remarks,
     ]
     return Identification(forces, data, estimate, prior, factor, share, tuple(remarks))
+
+
+def _whatever_the_delay(data: PreparedLog, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return columns and measured forces less what of them another delay would explain.
+
+    Estimates and their doubts are then those with the delay as one more parameter (Frisch and Waugh).
+    """
+    slope, rest = data.slope / data.fit_noise, data.forces - data.rows.known
+    weight = slope / data.fit_noise / ((slope**2).sum() or 1.0)
+    shares = np.einsum("nj,njp->p", weight, columns)
+    return columns - data.slope[..., None] * shares, rest - data.slope * (weight * rest).sum()
 
 
 _GAIN = 0.98
