@@ -67,15 +67,9 @@ def load(
 _WATCHED, _ROWS = 1000, 64
 """In how many calls the units of poses and loads are watched, and of how many rows of each."""
 _MUCH = 10
-"""How many times what the machine reaches, or its actuators bear and do, is taken for another unit."""
-_FAST = 98.1  # acceleration that no machine is too weak for here [m/s²]
-_UNITS = (
-    ("m: mm", "rad: degrees"),
-    ("m/s: mm/s", "rad/s: degrees/s"),
-    ("m/s²: mm/s²", "rad/s²: degrees/s²"),
-    ("N: mN", "N m: N mm"),
-)
-"""Of poses, their rates, and loads: the units there are, and those that large numbers seem to be in."""
+"""How many times what the machine reaches, or its actuators bear, is taken for another unit."""
+_UNITS = (("m: mm", "rad: degrees"), ("m/s: mm/s", "rad/s: degrees/s"), ("N: mN", "N m: N mm"))
+"""Of poses, velocities, and loads: the units there are, and those that large numbers seem to be in."""
 
 
 class Manipulator:
@@ -126,24 +120,25 @@ class Manipulator:
 
     @cached_property
     def _most(self) -> list[tuple[FloatArray, tuple[str, str]]]:
-        """How large pose, rates and load are at most in their units; those, and the likely other ones."""
-        p = self._model.parameters
-        g, limits = p.geometry, p.limits
+        """How large pose, velocity and load are at most in their units; those, and the likely other ones."""
+        g, limits = self._model.parameters.geometry, self._model.parameters.limits
         travel, tilt = max(map(abs, limits.travel)), max(np.pi, *map(abs, limits.tilt))
         reach, speed, force = (_MUCH * most for most in (travel + g.L + g.r, limits.speed, limits.force))
-        gain = max(3 * force / p.bodies.mass, _MUCH * _FAST)
-        pairs = (reach, tilt), (speed, speed / g.r), (gain, gain / g.r), (3 * force, force * (g.R + g.L))
-        axes = (2, 1), (2, 1), (2, 1), (3, 3)
+        pairs = (reach, tilt), (speed, speed / g.r), (3 * force, force * (g.R + g.L))
+        axes = (2, 1), (2, 1), (3, 3)
         return list(zip(map(np.repeat, pairs, axes), _UNITS, strict=True))
 
-    def _watch(self, *motion: Any, wrench: Any = None) -> None:
-        """Warn of what of pose, rates and load seems to be in another unit, once each; at the first calls."""
+    def _watch(self, pose: Any, velocity: Any = None, *, wrench: Any = None) -> None:
+        """Warn of what of pose, velocity and load seems in another unit, once each; at the first calls.
+
+        Only of the velocity of a single state: batches also come from searches that try any speed.
+        """
         if not self._watched:
             return
         self._watched -= 1
         told = []
-        for given, (most, units) in (*zip(motion, self._most, strict=False), (wrench, self._most[-1])):
-            if given is None:
+        for given, (most, units) in zip((pose, velocity, wrench), self._most, strict=True):
+            if given is None or (given is velocity and np.ndim(given) > 1):
                 continue
             rows: FloatArray = np.asarray(given).reshape(-1, len(most))
             rows = np.abs(rows[:: -(len(rows) // _ROWS + 1)])  # the last one, too
@@ -160,7 +155,7 @@ class Manipulator:
 
     def _states(self, pose: ArrayLike, *motion: ArrayLike, **others: Any) -> States:
         states = states_of(pose, *motion, **others)
-        self._watch(*states[: 1 + len(motion)], wrench=states.wrench)
+        self._watch(states.pose, *motion[:1], wrench=states.wrench)
         return states
 
     # No `__getattr__` that suggests names, as of results: all attributes would be slower, and Python does so.
@@ -373,7 +368,7 @@ class Manipulator:
             found = one.forces(out, pose, velocity, acceleration, wrench, on_invalid)
             if found is not None:
                 if self._watched:
-                    self._watch(pose, velocity, acceleration, wrench=wrench)
+                    self._watch(pose, velocity, wrench=wrench)
                 return found
         states = self._states(pose, velocity, acceleration, wrench=wrench, on_invalid=on_invalid)
         return result_in(out, states.pose.shape, states, partial(dynamics.forces, states))
@@ -520,7 +515,7 @@ class Manipulator:
         from p3dof.analysis.sampling import warnings_about
 
         dynamics, states = self._model.methods[method], states_over(motion, wrench, on_invalid)
-        self._watch(motion.pose, motion.velocity, motion.acceleration, wrench=states.wrench)
+        self._watch(motion.pose, wrench=states.wrench)
         solution, crossings = without_crossings(motion, dynamics.solve(states, progress), on_invalid)
         history = wrench if isinstance(wrench, WrenchHistory) else None
         examine = partial(warnings_about, self._model.parameters, wrench=history)

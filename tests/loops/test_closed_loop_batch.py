@@ -386,7 +386,7 @@ def test_inverse_dynamics_batch_and_frame_targets_refuse():
 
 def route(machine, pose, velocity, acceleration, wrench=None, one_by_one=False, progress=None, **options):
     """The Pinocchio route, past the checks of the facade."""
-    dynamics = PinocchioMethod(machine.parameters, machine.loop)
+    dynamics = PinocchioMethod(machine.parameters, machine.bare_loop)
     states = states_of(pose, velocity, acceleration, wrench=wrench, **options)
     if not one_by_one:
         return dynamics.solve(states, progress)

@@ -58,7 +58,7 @@ Combined: TypeAlias = Mapping[str, Mapping[str, float] | Sequence[str]]
 _IDLE = 1e-6  # least derivative of a number by an idle joint that makes it undetermined
 _ALIKE = 1e-6  # spread of readings below which all poses are one [m or rad]
 _WRONG_UNIT = 20.0  # by how much better numbers fit in mm for an error that says so
-_FAR = 20.0  # scatter over what was given as sigma from which columns may be turned round or exchanged
+_MISPLACED = 20.0  # scatter over what was given as sigma from which columns may be turned round or exchanged
 
 
 @dataclass(frozen=True, eq=False)
@@ -520,7 +520,7 @@ def fit_of_columns(
         if wrong:
             raise InputError(wrong) from error
         raise
-    if wrong and found.noise > _FAR:
+    if wrong and found.noise > _MISPLACED:
         raise InputError(wrong)
     return found
 
