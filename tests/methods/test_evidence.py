@@ -266,7 +266,7 @@ def test_every_loop_of_the_pinocchio_route_is_looked_at(joint, arm, way, count, 
     robot = p3dof.load(ROUGH)
     change = np.eye(10)[list(robot.model.names[1:]).index(joint)] * gap / arm
     motion = MOTION.resampled(MOTION.time[:count])
-    batch, assembled = robot.loop.complete_batch, traced.TracedLoops._assembled
+    batch, assembled = robot.bare_loop.complete_batch, traced.TracedLoops._assembled
 
     def together(*args, **kwargs):
         found = batch(*args, **kwargs)
@@ -278,7 +278,7 @@ def test_every_loop_of_the_pinocchio_route_is_looked_at(joint, arm, way, count, 
 
     if way == "general":
         monkeypatch.setattr(traced.TracedLoops, "_choose", lambda _: False)
-        monkeypatch.setattr(robot.loop, "complete_batch", together)
+        monkeypatch.setattr(robot.bare_loop, "complete_batch", together)
     else:
         monkeypatch.setattr(traced.TracedLoops, "_assembled", put_off)
         right = robot.inverse_dynamics(motion, method="pinocchio")
