@@ -103,13 +103,16 @@ def _acting(loads: Loads, count: int, nv: int) -> _Acting:
 def complete(
     loop: LoopModel,
     target: BatchTarget | Sequence[BatchTarget],
-    rates: tuple[ArrayLike | ByName, ArrayLike | ByName],
+    named: tuple[ArrayLike | ByName, ArrayLike | ByName],
     starts: tuple[ArrayLike | None, ArrayLike | None],
     stop: bool,
     method: Method,
 ) -> BatchStates:
     """`ClosedLoopModel.complete_batch`."""
-    rates = rates_of(target, rates, loop.actuated)
+    velocity, acceleration = named
+    if isinstance(velocity, Mapping) or isinstance(acceleration, Mapping):
+        velocity, acceleration = rates_of(target, named, loop.actuated)
+    rates = velocity, acceleration
     if isinstance(method, str) and method == "general":
         return _own_complete(loop, target, rates, starts, stop)
     if isinstance(target, Mapping) or not _is_array(target):
