@@ -1054,3 +1054,17 @@ def test_what_lies_between_samples_does_not_ask_when_they_began():
         found, splines.between_samples(own.time, own.pose, own.velocity, own.acceleration, at), strict=True
     ):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-10 * np.abs(other).max())
+
+
+def test_what_lies_between_samples_is_that_of_its_own_side_of_a_jump():
+    """A step a thousand times shorter than those beside it: a cubic on each side is met exactly."""
+    sides = np.poly1d([2.0, -1.0, 0.5, 3.0]), np.poly1d([-1.0, 4.0, 0.0, -20.0])
+    time = np.concatenate([np.linspace(0, 1, 11)[:-1], [1 - 1e-6], np.linspace(1, 2, 11)])
+    assert splines.breaks(time).tolist() == [False] * 10 + [True] + [False] * 10
+    assert [(part.start, part.stop) for part in splines.unbroken(time)] == [(0, 11), (10, 12), (11, 22)]
+    known = np.concatenate([sides[0](time[:11]), sides[1](time[11:])])[:, None] * [1.0, -2.0, 0.5]
+    at = np.sort(np.concatenate([time, np.arange(0.03, 2, 0.07)]))
+    found = splines.between_samples(time, known, known, known, at)[3]
+    expected = np.where(at < time[11], sides[0](at), sides[1](at))[:, None] * [1.0, -2.0, 0.5]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    assert splines.subdivided(np.array([0.0, 1.0, 4.0]), np.array([2, 3])).tolist() == [0, 0.5, 1, 2, 3]
