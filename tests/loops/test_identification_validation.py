@@ -266,7 +266,6 @@ def test_tables_say_it_in_words(found):
     }  # fmt: skip
 
 
-@shows("p3dof.loops.identification.validation.Validation.whiteness")
 def test_whiteness_is_of_residuals_whitened_by_the_whole_covariance(found):
     identified, checked = found
     data, rest = checked.data, checked.residuals
