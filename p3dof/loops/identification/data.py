@@ -548,17 +548,9 @@ def _averaged(
     rows = forces.rows(states)
     kept = float((lowpass**2).mean())
     found = SampledLog(
-        first + phase[whole],
-        states,
-        rows,
-        shifted,
-        spread,
-        kept / repeats,
-        reversal[whole],
-        _JUMP * step,
-        _AVERAGED,
-        kept,
-    )
+        first + phase[whole], states, rows, shifted, spread, kept / repeats, reversal[whole], _JUMP * step,
+        _AVERAGED, kept,
+    )  # fmt: skip
     return found, motion, repeats
 
 
@@ -603,17 +595,11 @@ def _filtered(
         )
     noise = np.array([_differences(log.forces[good.kept[:, j], j]) for j in range(log.forces.shape[1])])
     joined = SampledLog(
-        time,
-        _joined([one.states for one in found]),
+        time, _joined([one.states for one in found]),
         Rows(*(np.concatenate(part) for part in zip(*(one.rows for one in found), strict=True))),
-        lambda delay: np.concatenate([one.forces(delay) for one in found]),
-        noise,
-        0.75 * step / half,
-        np.concatenate([one.reversal for one in found]),
-        half + _JUMP * step,
-        1,
-        1.0,
-    )
+        lambda delay: np.concatenate([one.forces(delay) for one in found]), noise, 0.75 * step / half,
+        np.concatenate([one.reversal for one in found]), half + _JUMP * step, 1, 1.0,
+    )  # fmt: skip
     residual = np.sqrt(np.mean([motion.left**2 for motion in motions], axis=0))
     return joined, Motion(motions[0].at, band, residual)
 
