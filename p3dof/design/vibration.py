@@ -28,6 +28,7 @@ from p3dof._base.checks import (
 )
 from p3dof._base.errors import InputError, SampleError
 from p3dof._base.tables import NONE, Numeral, Table, Tabular, columns_by, formatted, number
+from p3dof._base.time_series.smoothing import breaks
 from p3dof._base.time_series.times import sample_count
 from p3dof.design.forces_of_tasks import TaskForces, machines_of
 from p3dof.design.tasks import Piece, Plan
@@ -544,7 +545,8 @@ def _references(found: TaskForces, k: FloatArray) -> list[_Reference]:
     """Return where the motors have to be over each piece, by the samples.
 
     Across a bend a spline would be wrong by the cube of the distance of samples, so none goes across. Where
-    the acceleration jumps, a sample has what begins there: the spline before goes on to it from the others.
+    the acceleration jumps, a sample has what begins there: the spline before goes on to it from the others, as
+    that after a dwell does to the sample at its end.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -553,10 +555,10 @@ def _references(found: TaskForces, k: FloatArray) -> list[_Reference]:
     for one in found.results:
         time, where = one.time, one.sliders + one.nut_forces / k
         ends = np.union1d([0, len(time) - 1], _rows(time, bends))
-        sudden, splines = _rows(time, jumps), []
+        sudden, short, splines = _rows(time, jumps), breaks(time), []
         for first, last in pairwise(ends.tolist()):
-            alone = last in sudden and last - first > _BEFORE
-            rows = slice(first, last if alone else last + 1)
+            alone = short[last - 1] or (last in sudden and last - first > _BEFORE)
+            rows = slice(first + int(short[first]), last if alone else last + 1)
             degree = min(_DEGREE, rows.stop - rows.start - 1)
             splines.append(make_interp_spline(time[rows], where[rows], degree))
         references.append(_Reference(time[ends], splines))
