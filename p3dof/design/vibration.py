@@ -545,8 +545,8 @@ def _references(found: TaskForces, k: FloatArray) -> list[_Reference]:
     """Return where the motors have to be over each piece, by the samples.
 
     Across a bend a spline would be wrong by the cube of the distance of samples, so none goes across. Where
-    the acceleration jumps, a sample has what begins there: the spline before goes on to it from the others, as
-    that after a dwell does to the sample at its end.
+    the acceleration jumps, a sample has what begins there: the spline before goes on to it from the others.
+    After a dwell, it is the sample that has what ended, and the spline after it goes back to it.
     """
     from scipy.interpolate import make_interp_spline
 
