@@ -109,29 +109,17 @@ _PLAIN_WORDS = {
 Factors: TypeAlias = dict[str, tuple[float, float]]
 TIMES: Factors = {"s": (1, 1), "ms": (1, 1e3), "us": (1, 1e6), "µs": (1, 1e6), "ns": (1, 1e9)}
 LENGTHS: Factors = {
-    "m": (1, 1),
-    "mm": (1, 1e3),
-    "cm": (1, 100),
-    "um": (1, 1e6),
-    "µm": (1, 1e6),
-    "km": (1e3, 1),
-}
-LENGTHS |= {"in": (127, 5e3), "ft": (381, 1250)}
+    "m": (1, 1), "mm": (1, 1e3), "cm": (1, 100), "um": (1, 1e6), "µm": (1, 1e6), "km": (1e3, 1),
+    "in": (127, 5e3), "ft": (381, 1250),
+}  # fmt: skip
 ANGLES: Factors = {"rad": (1, 1), "deg": (math.pi / 180, 1), "°": (math.pi / 180, 1), "mrad": (1, 1e3)}
 FORCES: Factors = {
-    "N": (1, 1),
-    "kN": (1e3, 1),
-    "mN": (1, 1e3),
-    "lbf": (4.4482216152605, 1),
-    "kgf": (9.80665, 1),
-}
-MOMENTS: Factors = {"N m": (1, 1), "Nm": (1, 1), "N mm": (1, 1e3), "Nmm": (1, 1e3), "mN m": (1, 1e3)}
-MOMENTS |= {
-    "mNm": (1, 1e3),
-    "kN m": (1e3, 1),
-    "lbf in": (0.1129848290276167, 1),
-    "lbf ft": (1.3558179483314003, 1),
-}
+    "N": (1, 1), "kN": (1e3, 1), "mN": (1, 1e3), "lbf": (4.4482216152605, 1), "kgf": (9.80665, 1)
+}  # fmt: skip
+MOMENTS: Factors = {
+    "N m": (1, 1), "Nm": (1, 1), "N mm": (1, 1e3), "Nmm": (1, 1e3), "mN m": (1, 1e3), "mNm": (1, 1e3),
+    "kN m": (1e3, 1), "lbf in": (0.1129848290276167, 1), "lbf ft": (1.3558179483314003, 1),
+}  # fmt: skip
 
 _POSE = ("y", "z", "theta")
 _NAMES: dict[str, tuple[tuple[str, ...], ...]] = {
