@@ -155,7 +155,7 @@ class Manipulator:
 
     def _states(self, pose: ArrayLike, *motion: ArrayLike, **others: Any) -> States:
         states = states_of(pose, *motion, **others)
-        self._watch(states.pose, *motion[:1], wrench=states.wrench)
+        self._watch(states.pose, states.velocity, wrench=states.wrench)
         return states
 
     # No `__getattr__` that suggests names, as of results: all attributes would be slower, and Python does so.

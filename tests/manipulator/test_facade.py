@@ -209,6 +209,8 @@ def test_a_whole_motion_and_its_load_in_one_table():
         == robot.forces(*(a[5] for a in (motion.pose, motion.velocity, motion.acceleration))).tolist()
     )
     assert robot.simulate(0.01, start=row).pose[0].tolist() == motion.pose[5].tolist()
+    with pytest.warns(p3dof.errors.ModelWarning, match=r"\(300 m/s: mm/s\?\)"):
+        robot.forces(row, pandas.Series({"thetadot": 0, "zdot": 300, "ydot": 0}), row)
 
 
 @pytest.mark.parametrize(
