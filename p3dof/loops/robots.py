@@ -22,6 +22,11 @@ from p3dof.loops.xml_text import Macros, is_text, read_xml, root_of
 
 def urdf_of(name: str) -> tuple[str, bool]:
     """Return the path of the URDF of a robot, and whether its base floats."""
+    from p3dof._base import model_files
+
+    here = [file for ending in _SUFFIXES if _is_there(file := name + ending)]
+    if not here and f"gallery/{name}" in model_files.NAMES:
+        return model_files.path(f"gallery/{name}"), False
     try:
         from example_robot_data import robots_loader
     except ImportError as error:
@@ -30,8 +35,8 @@ def urdf_of(name: str) -> tuple[str, bool]:
         ) from error
     loaders = robots_loader.ROBOTS
     if name not in loaders:
-        here = [file for ending in _SUFFIXES if _is_there(file := name + ending)]
-        told = f"did you mean {here[0]!r}?" if here else suggestion(name, loaders)
+        known = [*(own.partition("/")[2] for own in model_files.NAMES if "/" in own), *loaders]
+        told = f"did you mean {here[0]!r}?" if here else suggestion(name, known)
         raise ModelError(f"{shown(name)} is no file and no robot by name; {told}")
     loader = loaders[name]
     if not loader.urdf_filename:
@@ -70,7 +75,7 @@ def load_robot(
     Parameters
     ----------
     source : str or path-like
-        The path of a file, its text, or the name of a robot: of the gallery, as ``"gallery/stewart"``, or
+        The path of a file, its text, or the name of a robot: of the gallery, as ``"stewart"``, or
         of example-robot-data, such as ``"panda"`` (with the extra ``models``), which floats if it does there.
     sidecar : Sidecar, mapping, str or path-like, optional
         Loops and actuated joints that the file does not hold, see `Sidecar`. Its actuated joints go before

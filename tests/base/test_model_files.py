@@ -69,10 +69,20 @@ def empty(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", sorted(MOBILITY))
 @pytest.mark.usefixtures("empty")
 def test_a_robot_of_the_gallery_is_loaded_by_its_name(name):
-    robot = p3dof.load_robot(f"gallery/{name}")
     there = p3dof.load_robot(GALLERY / f"{name}.urdf")
-    assert robot.model == there.model
-    assert (robot.actuated, len(robot.constraint_models)) == (there.actuated, len(there.constraint_models))
+    for robot in map(p3dof.load_robot, (f"gallery/{name}", name)):
+        assert robot.model == there.model
+        assert robot.actuated == there.actuated
+        assert len(robot.constraint_models) == len(there.constraint_models)
+
+
+def test_a_file_that_is_there_is_not_taken_for_the_name_of_a_robot(empty):
+    for ending in ("urdf", "yaml"):
+        shutil.copy(GALLERY / f"five_bar.{ending}", empty / f"stewart.{ending}")
+    with pytest.raises(p3dof.ModelError, match=r"no robot by name; did you mean 'stewart[.]urdf'"):
+        p3dof.load_robot("stewart")
+    shutil.copy(GALLERY / "five_bar.urdf", empty / "stewart")
+    assert p3dof.load_robot("stewart", GALLERY / "five_bar.yaml").model.name == "five_bar"
 
 
 def test_a_file_that_is_there_goes_before(empty):

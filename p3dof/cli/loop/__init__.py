@@ -29,9 +29,9 @@ COMMANDS = {
 def loop() -> None:
     """Any closed-loop robot: assembly, actuator forces, simulation, export, C code.
 
-    FILE is a URDF (or its .xacro), URDF+, SDF, MJCF or USDA file, or the name of a robot of
-    example-robot-data;
-    SIDECAR is a YAML file with its loop closures and actuated joints, by default the one beside FILE.
+    FILE is a URDF (or its .xacro), URDF+, SDF, MJCF or USDA file, or the name of a robot: of the gallery
+    that comes with p3dof, such as stewart, or of example-robot-data. SIDECAR is a YAML file with its loop
+    closures and actuated joints, by default the one beside FILE.
     """
 
 
