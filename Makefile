@@ -8,6 +8,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out
 EXTRAS ?=
+PIP := pip install --quiet --disable-pip-version-check
+# To compile all of what is installed takes pip longer than to install it. The demo compiles what it imports; before tests,
+# to which warnings are errors, all cores compile the rest, of which some is for other Pythons.
+COMPILED := $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
 # The seed of `make fuzz` and `make mutants`: a fresh one each time, unless one is given.
 ifndef SEED
 SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
@@ -188,7 +192,7 @@ wheels: $(TOOLS)/.ready ## build wheels into out/dist
 
 sbom: $(TOOLS)/.ready ## list what an installation consists of (CycloneDX), into out/sbom.json
 	@$(PYTHON) -m venv --clear $(OUT)/installed
-	@P3DOF_NO_EXTENSION=1 $(OUT)/installed/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	@P3DOF_NO_EXTENSION=1 $(OUT)/installed/bin/python -m $(PIP) -c constraints.txt \
 		'.[plot,report,viz]'
 	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --mc-type library --output-reproducible \
 		--output-file $(OUT)/sbom.json $(OUT)/installed/bin/python
@@ -224,32 +228,35 @@ $(VENV)/pyvenv.cfg:
 $(LOWEST)/.ready: $(DEV) tests/lowest.py
 	@rm -rf $(LOWEST) && $(PYTHON) -m venv $(LOWEST)
 	$(BIN)/python tests/lowest.py cluster plot report viz test > $(LOWEST)/lowest.txt
-	P3DOF_BUILD_LEVELS=all $(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check -r $(LOWEST)/lowest.txt -e .
+	P3DOF_BUILD_LEVELS=all $(LOWEST)/bin/python -m $(PIP) -r $(LOWEST)/lowest.txt -e .
 	@touch $@
 
 $(TOOLS)/.ready:
 	@$(PYTHON) -m venv $(TOOLS)
-	@$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1' build cibuildwheel cyclonedx-bom py-rattler-build twine
+	@$(TOOLS)/bin/python -m $(PIP) --upgrade 'pip>=25.1' build cibuildwheel cyclonedx-bom py-rattler-build twine
 	@touch $@
 
 $(VENV)/.demo: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[plot,report,viz]'
+	$(BIN)/python -m $(PIP) --no-compile -c constraints.txt -e '.[plot,report,viz]'
 	@touch $@
 
 $(VENV)/.dev: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
-	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m $(PIP) --no-compile -c constraints.txt -e '.[dev]'
+	@$(COMPILED)
 	@touch $@ $(VENV)/.demo
 
 $(VENV)/.devall: $(VENV)/pyvenv.cfg pyproject.toml constraints.txt $(SOURCES)
 	@if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
 		apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(DEBIAN) $$($(LIBGCC)) >/dev/null || \
 		echo "Debian's packages could not be installed; their tests will be skipped: $(DEBIAN)"; fi
-	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt \
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m $(PIP) --no-compile -c constraints.txt \
 		-e '.[adapters,cluster,dev,interop]'
+	@$(COMPILED)
 	@touch $@ $(VENV)/.dev $(VENV)/.demo
 
 $(VENV)/.docs: $(DEV)
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "the documentation needs Python 3.11 or newer; make clean, then: make docs PYTHON=python3.x"; exit 1; }
-	P3DOF_BUILD_LEVELS=all $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	P3DOF_BUILD_LEVELS=all $(BIN)/python -m $(PIP) --no-compile -c constraints.txt -e '.[docs]'
+	@$(COMPILED)
 	@touch $@

@@ -1,6 +1,7 @@
 """Documents of the page: their schema, and where a document says that joints are, without Pinocchio."""
 
 import json
+import struct
 from importlib.resources import files
 
 import jsonschema
@@ -23,6 +24,26 @@ def read(document):
     assert error is None, f"{error.json_path}: {error.message[:300]}"
     _check_references(found)
     return found
+
+
+def unpacked_message(data):
+    """Return what a page reads of a message that the server has packed, with NumPy arrays."""
+    assert data[:4] == b"P3D1"
+    (length,) = struct.unpack("<I", data[4:8])
+    behind = data[8 + length :]
+
+    def filled(value):
+        if isinstance(value, dict) and "offset" in value and "dtype" in value:
+            dtype, shape = np.dtype(value["dtype"]).newbyteorder("<"), tuple(value["shape"])
+            assert value["offset"] % 8 == 0
+            return np.frombuffer(behind, dtype, int(np.prod(shape, dtype=int)), value["offset"]).reshape(
+                shape
+            )
+        if isinstance(value, dict):
+            return {key: filled(one) for key, one in value.items()}
+        return [filled(one) for one in value] if isinstance(value, list) else value
+
+    return filled(json.loads(data[8 : 8 + length]))
 
 
 def _check_references(document):

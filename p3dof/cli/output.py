@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import shutil
 import sys
@@ -25,7 +26,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from p3dof._base.checks import one_line, visible
-from p3dof._base.errors import P3dofError
+from p3dof._base.errors import LOG, P3dofError
 from p3dof._base.files import scratch_folder
 from p3dof._base.tables import NONE, Numeral, Table
 from p3dof.cli.app import LONGEST, Command, spelled
@@ -151,19 +152,31 @@ def progress_bar(name: str, total: int) -> Iterator[Update | None]:
         yield None
         return
     columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
-        yield Update(bar, total)
+    with Progress(*columns, TextColumn("{task.description}"), console=console, transient=True) as bar:
+        update, level = Update(bar, total), LOG.level
+        LOG.addHandler(update)
+        LOG.setLevel(logging.INFO)
+        try:
+            yield update
+        finally:
+            LOG.setLevel(level)
+            LOG.removeHandler(update)
 
 
-class Update:
-    """What `Manipulator.inverse_dynamics` calls while it works."""
+class Update(logging.Handler):
+    """What long work calls with how far it is; beside the bar is what is logged meanwhile."""
 
     def __init__(self, bar: Progress, total: int) -> None:
+        super().__init__(logging.INFO)
         self._bar, self._task = bar, bar.add_task("", total=total)
 
     def __call__(self, done: int, total: int) -> None:
         """Show how far it is."""
-        self._bar.update(self._task, completed=done, total=total)
+        self._bar.update(self._task, completed=done, total=total, description="")
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show what takes long before there is any progress, such as a compiler."""
+        self._bar.update(self._task, description=escape(record.getMessage()))
 
 
 def show(console: Console, *tables: Table, notes: bool = False) -> None:

@@ -45,7 +45,7 @@ from p3dof.design.drives import (
     required_life,
 )
 from p3dof.design.drives.margins import verdict_of
-from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, RATING_COLUMNS, WHIRL
+from p3dof.design.drives.sizing import BRAKE_SAFETY, BUCKLING, RATING_COLUMNS, RPM, WHIRL
 from p3dof.design.drives.tables import FALLS
 from p3dof.design.fastest import unseen_limits, uses_of_task
 from p3dof.design.forces_of_tasks import (
@@ -602,7 +602,6 @@ def _works(power: FloatArray, time: FloatArray) -> tuple[float, float]:
 
 
 _LEADS = (5.0, 10.0, 16.0, 20.0, 32.0)  # of screws for which torques of motors are told [mm a turn]
-_RPM = 30 / math.pi
 
 
 def uses_table(found: Assessment, most: int | None = None) -> Table:
@@ -689,7 +688,7 @@ def needs_table(found: Assessment) -> Table:
             for pair in zip(peak, rms, strict=True)
             for value in pair * np.array(turn)
         ]
-        rows[f"{lead:g} mm"] = [*torques, *(number(_RPM * value / turn, form=".0f") for value in speed)]
+        rows[f"{lead:g} mm"] = [*torques, *(number(RPM * value / turn, form=".0f") for value in speed)]
     header = (
         "lead of the screw",
         *(f"{leg} {what} [N m]" for leg in LEGS for what in ("peak", "rms")),

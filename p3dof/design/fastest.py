@@ -16,7 +16,7 @@ from p3dof._base.tables import NONE, ShownInNotebook, Table, html_of, notebook_h
 from p3dof._base.time_series.times import sample_count
 from p3dof.closed_form.kinematics.bodies import slider_motion
 from p3dof.design.drives import Drive, Margins
-from p3dof.design.drives.sizing import Rating, force_ratings, speed_ratings
+from p3dof.design.drives.sizing import RPM, Rating, force_ratings, speed_ratings
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import AxisLimits, FastestPlan, Path, Task, Waypoint
 from p3dof.design.tasks.fastest import fastest_law
@@ -32,7 +32,7 @@ from p3dof.manipulator import Manipulator
 from p3dof.methods import InverseDynamics
 
 NODES, SMOOTH_NODES, MOST_NODES = 400, 150, 20_000
-_RPM, _WOUND = 30 / math.pi, 33  # rpm of rad/s; speeds at which what a winding gives is looked at
+_WOUND = 33  # speeds at which what a winding gives is looked at
 _KEPT = 4  # so many rows of places are kept with their poses
 _BESIDE = 1e-7
 """Share of half a step by which third derivatives are taken off its ends, where they may jump."""
@@ -192,7 +192,7 @@ def drive_limits(
     free = Margins() if margins is None else margins
     require("margins", free, Margins)
     rotors = robot.parameters.actuators.rotors
-    speed = np.array([_most(drive, speed_ratings, free) / (_RPM * drive.ratio) for drive in each])
+    speed = np.array([_most(drive, speed_ratings, free) / (RPM * drive.ratio) for drive in each])
     nut_force = [_most(drive, force_ratings, free) for drive in each]
     power = [(1 - free.power) * drive.motor.max_power for drive in each]
     grid = np.unique(np.concatenate([_speeds(drive) for drive in each]))

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from p3dof._base.checks import one_line, require, shown
-from p3dof._base.errors import FileError, InputError, P3dofError
+from p3dof._base.errors import InputError, P3dofError
 
 Message: TypeAlias = dict[str, Any]
 Answerer: TypeAlias = Callable[[Mapping[str, Any]], Mapping[str, Any]]
@@ -224,26 +224,6 @@ def packed_message(message: Mapping[str, Any]) -> bytes:
     text = json.dumps(arrays.without(message), allow_nan=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % _ALIGNED)
     return b"".join((MAGIC, struct.pack("<I", len(text)), text, *arrays.parts))
-
-
-def unpacked_message(data: bytes) -> dict[str, Any]:
-    """Return what `packed_message` has packed, with NumPy arrays."""
-    if data[:4] != MAGIC or len(data) < _ALIGNED:
-        raise FileError("expected a message of p3dof")
-    (length,) = struct.unpack("<I", data[4:8])
-    behind = data[8 + length :]
-
-    def filled(value: Any) -> Any:
-        if isinstance(value, dict) and "offset" in value and "dtype" in value:
-            dtype, shape = np.dtype(value["dtype"]).newbyteorder("<"), tuple(value["shape"])
-            count = int(np.prod(shape, dtype=int))
-            return np.frombuffer(behind, dtype, count, value["offset"]).reshape(shape)
-        if isinstance(value, dict):
-            return {key: filled(one) for key, one in value.items()}
-        return [filled(one) for one in value] if isinstance(value, list) else value
-
-    content: dict[str, Any] = filled(json.loads(data[8 : 8 + length]))
-    return content
 
 
 class _Arrays:

@@ -14,6 +14,7 @@ import pytest
 import sweep_problems
 
 import p3dof
+from p3dof._base.errors import LOG
 from p3dof.cli.output import progress_bar
 from p3dof.loops.compiled import build
 from p3dof.viewer.connections import Allowance
@@ -59,6 +60,19 @@ def test_progress_is_shown_whatever_the_clock_says(monkeypatch, capsys):
         for done in range(11):
             progress(done, 10)
     assert "items" in capsys.readouterr().err
+
+
+def test_beside_a_bar_is_what_keeps_it_from_going_on(monkeypatch, capsys):
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    level, handlers = LOG.level, list(LOG.handlers)
+    with progress_bar("items", 10) as progress:
+        LOG.info("compiling [once]")
+        progress._bar.refresh()
+        assert "compiling [once]" in capsys.readouterr().err
+        progress(1, 10)
+        progress._bar.refresh()
+        assert "compiling" not in capsys.readouterr().err
+    assert (LOG.level, LOG.handlers) == (level, handlers)
 
 
 def test_a_page_is_neither_closed_nor_let_do_more_when_the_clock_jumps():

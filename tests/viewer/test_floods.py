@@ -23,10 +23,11 @@ from gallery import GALLERY
 pytest.importorskip("meshcat", reason="meshcat not installed")
 
 from html_pages import document_of, frame, running_loop
+from page_documents import unpacked_message
 from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from p3dof.viewer.document.encoding import decoded
-from p3dof.viewer.session import Session, unpacked_message
+from p3dof.viewer.session import Session
 
 STORM, GARBAGE, QUESTIONS = 150, 60, 400
 ROOM = 150_000_000

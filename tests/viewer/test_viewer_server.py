@@ -23,6 +23,7 @@ import numpy as np
 import psutil
 import pytest
 from html_pages import frame
+from page_documents import unpacked_message
 
 import p3dof
 from p3dof._base.errors import InputError, ReachError
@@ -40,7 +41,6 @@ from p3dof.viewer.host import PORT
 from p3dof.viewer.live_viewer import MAX_MESSAGE
 from p3dof.viewer.machine.scene import viewer
 from p3dof.viewer.server import Server
-from p3dof.viewer.session import unpacked_message
 from p3dof.viewer.window import SceneWindow
 
 FILES = ("", "licences.txt", "pane.js", "fit.js", "scene.js", "meshcat.js")

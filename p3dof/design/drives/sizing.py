@@ -117,7 +117,7 @@ def cycle_of(found: Moved, rest: float = 0.0, holding: FloatArray | None = None)
 
 
 WHIRL, BUCKLING = 0.8, 0.5  # shares of the critical speed and of Euler's load that a screw may bear
-_RPM = 30 / math.pi
+RPM = 30 / math.pi  # of rad/s
 BRAKE_SAFETY = 1.5  # how much more a holding brake must hold than what it bears
 
 
@@ -568,7 +568,7 @@ class _Axis:
     def _fastest(self) -> tuple[float, float]:
         """Largest speed of the motor [rpm], and when [s]."""
         at = int(np.argmax(np.abs(self._turning)))
-        return _RPM * float(np.abs(self._turning[at])), float(self._time[at])
+        return RPM * float(np.abs(self._turning[at])), float(self._time[at])
 
     def _of_transmission(self) -> list[Rating]:
         """Return what is used of a screw or belt: each of its speeds by itself, and buckling."""
@@ -603,9 +603,9 @@ def force_ratings(drive: Drive, force: float, when: float = math.nan) -> list[Ra
 
 def _of_motor_and_gear(drive: Drive, speed: float, when: float) -> list[Rating]:
     """Return what is used of the speeds of motor and gear."""
-    found = [Rating("speed", speed, _RPM * drive.motor.max_speed, "rpm", when)]
+    found = [Rating("speed", speed, RPM * drive.motor.max_speed, "rpm", when)]
     if drive.gear.max_speed < math.inf:
-        found.append(Rating("gear speed", speed, _RPM * drive.gear.max_speed, "rpm", when))
+        found.append(Rating("gear speed", speed, RPM * drive.gear.max_speed, "rpm", when))
     return found
 
 
@@ -616,9 +616,9 @@ def _of_turning(drive: Drive, speed: float, when: float) -> list[Rating]:
         found += _of_nut(slow, turns, when)
     elif slow.max_speed < math.inf:
         name = "rack speed" if isinstance(slow, Rack) else "belt speed"
-        found.append(Rating(name, turns, _RPM * slow.max_speed, "rpm", when))
+        found.append(Rating(name, turns, RPM * slow.max_speed, "rpm", when))
     if slow.critical_speed < math.inf:
-        found.append(Rating("critical speed", turns, _RPM * WHIRL * slow.critical_speed, "rpm", when))
+        found.append(Rating("critical speed", turns, RPM * WHIRL * slow.critical_speed, "rpm", when))
     return found
 
 
@@ -655,9 +655,9 @@ def _of_nut(screw: Screw, turns: float, when: float) -> list[Rating]:
     found = []
     if screw.max_speed is not None:
         if screw.max_speed < math.inf:
-            found.append(Rating("nut speed", turns, _RPM * screw.max_speed, "rpm", when))
+            found.append(Rating("nut speed", turns, RPM * screw.max_speed, "rpm", when))
     else:
-        limit = _RPM * TURNS_OF_NUTS
+        limit = RPM * TURNS_OF_NUTS
         assumed = f"nuts turn up to {limit:,.0f} rpm (no max_speed of {screw.name})"
         found.append(Rating("nut speed", turns, limit, "rpm", when, assumed=assumed))
     nominal, source = screw.sold_diameter

@@ -12,7 +12,7 @@ from pathlib import Path
 from p3dof._base.files import suffix_of, write_atomic
 from p3dof._base.tables import NONE, Cell, Table, html_of, notebook_html, number, percent, table_of
 from p3dof.design.drives.margins import VERDICTS
-from p3dof.design.drives.sizing import Rating, Sizing
+from p3dof.design.drives.sizing import RPM, Rating, Sizing
 from p3dof.design.drives.transmission import USUAL_PRELOAD, Drive, Gear, Rack, Screw
 from p3dof.machine.parameters import LEGS
 
@@ -84,7 +84,6 @@ def _of_transmission(drive: Drive, required: bool) -> list[str]:
     return [words for words, checked in known.items() if not checked]
 
 
-_RPM = 30 / math.pi
 FALLS = "no end within the travel: the axis falls or runs on, as no brake stops it in time (see brake_torque)"
 """What is said of a way that is infinite."""
 YES = dict(zip(VERDICTS, ("yes", "no reserve", "no"), strict=True))
@@ -117,8 +116,8 @@ def axes_table(sizing: Sizing) -> Table:
         "share of inertia there": [percent(axis.peak_inertia_share, 0) for axis in axes],
         "rms torque [N m]": [number(axis.rms_torque) for axis in axes],
         "rms torque, brake closed at rest [N m]": [number(axis.braked_rms_torque) for axis in axes],
-        "top speed [rpm]": [number(_RPM * axis.top_speed) for axis in axes],
-        "rms speed [rpm]": [number(_RPM * axis.rms_speed) for axis in axes],
+        "top speed [rpm]": [number(RPM * axis.top_speed) for axis in axes],
+        "rms speed [rpm]": [number(RPM * axis.rms_speed) for axis in axes],
         "peak power [W]": [number(axis.peak_power) for axis in axes],
         "work supplied [J]": [number(axis.positive_work) for axis in axes],
         "work regenerated [J]": [number(axis.negative_work) for axis in axes],
@@ -183,7 +182,7 @@ def nuts_table(sizing: Sizing) -> Table:
         if nut is not None and isinstance(part, Screw):
             safety = math.inf if part.static is None else part.static / nut.largest
             values = [
-                nut.preload, nut.largest, nut.largest_time, nut.turns, _RPM * nut.mean_speed,
+                nut.preload, nut.largest, nut.largest_time, nut.turns, RPM * nut.mean_speed,
                 *nut.mean_loads, nut.life / 1e6, nut.hours, safety, part.drag, 1e6 * part.lead_deviation,
             ]  # fmt: skip
         for cells, value in zip(rows.values(), values, strict=True):

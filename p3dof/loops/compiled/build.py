@@ -91,7 +91,7 @@ def _key(command: Sequence[str], source: str) -> str:
 
 def _compiled(command: Sequence[str], sources: dict[Path, str]) -> list[Path]:
     """Compile texts side by side to the files that they are given for."""
-    LOG.info("%d sources are compiled by %s", len(sources), command[0])
+    LOG.info("compiling the robot by %s, once", Path(command[0]).name)
     jobs: list[subprocess.Popen[str]] = []
     try:
         jobs += (_start(command, source, path) for path, source in sources.items())

@@ -14,6 +14,7 @@ from p3dof.design.assessment import Assessment
 from p3dof.design.balance import BestBalance
 from p3dof.design.clearance import Clearance, CollisionModel
 from p3dof.design.drives import Cycle, Sizing, SupplyLoads
+from p3dof.design.drives.sizing import RPM
 from p3dof.design.forces_of_tasks import TaskForces
 from p3dof.design.tasks import FastestPlan
 from p3dof.machine.parameters import LEGS
@@ -139,7 +140,6 @@ def _mark(axis: Axes, found: TaskForces) -> None:
     axis.set_xlim(0, found.plan.duration)
 
 
-_RPM = 30 / math.pi
 _POINTS = 401
 _CONTINUOUS, _PEAK = "0.80", "0.92"
 
@@ -193,19 +193,19 @@ def _draw(axis: Axes, sizing: Sizing, cycle: Cycle, leg: int) -> None:
         (drive.motor.peak(speed), _PEAK, "for a moment"),
         (drive.motor.continuous(speed, loads.heat_share), _CONTINUOUS, "for ever"),
     ):
-        axis.fill_between(_RPM * speed, -curve, curve, color=shade, lw=0, label=label)
+        axis.fill_between(RPM * speed, -curve, curve, color=shade, lw=0, label=label)
     torque = drive.torque(cycle.force[:, leg], cycle.speed[:, leg], cycle.acceleration[:, leg])
-    turning = _RPM * drive.ratio * cycle.speed[:, leg]
+    turning = RPM * drive.ratio * cycle.speed[:, leg]
     axis.plot(turning, torque, color=COLOURS[leg], lw=1.2, label="the cycle" if leg == 0 else None)
     axis.plot(
-        [_RPM * loads.rms_speed], [loads.rms_torque], "o", color="black", ms=5, label="its root mean square"
+        [RPM * loads.rms_speed], [loads.rms_torque], "o", color="black", ms=5, label="its root mean square"
     )
     keeps = {rating.name: 1 - rating.margin for rating in loads.ratings}
     if keeps.get("peak torque", 1.0) < 1 or keeps["speed"] < 1:
         within = speed[np.abs(speed) <= keeps["speed"] * drive.motor.max_speed]
         most = keeps.get("peak torque", 1.0) * drive.motor.peak(within)
         edge = np.concatenate([most, -most[::-1], most[:1]])
-        around = _RPM * np.concatenate([within, within[::-1], within[:1]])
+        around = RPM * np.concatenate([within, within[::-1], within[:1]])
         axis.plot(around, edge, color="0.35", lw=0.8, ls=":", label="with margins")
     axis.axhline(0, color="0.6", lw=0.6)
     axis.axvline(0, color="0.6", lw=0.6)
