@@ -399,10 +399,11 @@ def positive(name: str, value: Any, error: type[P3dofError]) -> float:
     return number
 
 
-def whole(name: str, value: Any, least: int) -> int:
-    """Return `value` as a whole number that is at least so large."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise InputError(f"{name}: expected a whole number of at least {least}, got {shown(value)}")
+def whole(name: str, value: Any, least: int, most: float = math.inf) -> int:
+    """Return `value` as a whole number within bounds."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        bounds = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
+        raise InputError(f"{name}: expected a whole number {bounds}, got {shown(value)}")
     return int(value)
 
 

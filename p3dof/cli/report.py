@@ -14,7 +14,7 @@ import click
 import numpy as np
 from rich.console import Console
 
-from p3dof._base.checks import FloatArray, require_commas
+from p3dof._base.checks import FloatArray, require_commas, whole
 from p3dof._base.errors import InputError, TaskError
 from p3dof._base.files import called, parse_yaml, read_text, suffix_of, together
 from p3dof.analysis.reactions import ALL, Choice
@@ -491,7 +491,7 @@ def _as_given() -> str:
 @click.option("--index", "indices", multiple=True, metavar="NAME", help="Performance index; repeatable.")
 @click.option("--grid", type=Whole(5, 401), default=81, help="Number of poses of the map along each axis.")
 @click.option("--out", type=OutputFile("animation"), required=True, help="HTML page to write.")
-@in_options({"index: ": "--index: "})
+@in_options({"index: ": "--index: ", "better: ": "--small, --large: "})
 def studio(
     case: Case,
     designs: Path | None,
@@ -510,13 +510,18 @@ def studio(
     protect((case.parameters, case.motion_file, case.wrench_file, designs), (out,))
     if designs is None and (small or large or start):
         raise click.UsageError("--small, --large and --start belong to --designs")
+    if twice := set(small) & set(large):
+        raise click.UsageError(f"{min(twice)!r} is given as --small and as --large")
+    table = None if designs is None else _columns(designs)
+    if table and start:
+        whole("--start", start, 1, len(next(iter(table.values()))))
     from p3dof.viewer.machine.studio import save_studio
 
     written = save_studio(
         out,
         case.robot,
         case.motion,
-        None if designs is None else _columns(designs),
+        table,
         indices=indices or None,
         counts=(grid, grid),
         better={**dict.fromkeys(small, "small"), **dict.fromkeys(large, "large")},

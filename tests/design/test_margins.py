@@ -306,6 +306,7 @@ def test_margins_and_place_of_a_catalogue_count_unless_others_are_given():
         (lambda: Margins(speed=20), "expected less than 1, got 20"),
         (lambda: Margins(speed=-0.1), "margins: speed: expected"),
         (lambda: Margins(speed="much"), "expected a share such as 0.2 or '20 %', got 'much'"),
+        (lambda: Margins(speed="20 %%"), "expected a share such as 0.2 or '20 %', got '20 %%'"),
         (lambda: margins_of({"spede": 0.1}), "unknown margin 'spede'.*did you mean 'speed'"),
         (lambda: margins_of({"speed": 2}, "drives.yaml: margins"), "^drives.yaml: margins: speed: expected"),
         (lambda: Ambient(313.15), "temperature: expected -60 to 150 °C, got 313.15 °C"),

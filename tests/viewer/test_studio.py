@@ -318,12 +318,14 @@ def test_the_command_writes_it(tmp_path, capsys):
     ("arguments", "told"),
     [
         (("--small", "x"), "belong to --designs"),
-        (("--index", "beauty"), "indices: unknown index 'beauty'"),
+        (("--index", "beauty"), "error: --index: expected one of determinant"),
+        (("--index", "lit"), "got 'lit'; did you mean 'lti'"),
         (("--designs", "words.csv"), "expected columns of numbers"),
         (("--designs", "ragged.csv"), "ragged.csv, row 2: expected 2 cells, got 1"),
         (("--designs", "empty.csv"), "expected a header and a row"),
-        (("--designs", "good.csv", "--large", "x"), "better: no column x among the designs"),
-        (("--designs", "good.csv", "--start", "9"), "start: expected a whole number"),
+        (("--designs", "good.csv", "--large", "x"), "--large: 'x' is no column of the designs; known: a, b"),
+        (("--designs", "good.csv", "--large", "a", "--small", "a"), "'a' is given as --small and as --large"),
+        (("--designs", "good.csv", "--start", "9"), "error: --start: expected a whole number from 1 to 1"),
         (("--designs", "none.csv"), "none.csv"),
     ],
 )

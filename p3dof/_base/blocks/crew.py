@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from p3dof._base.blocks import storage
-from p3dof._base.blocks.problem import Problem, computed, whole
+from p3dof._base.blocks.problem import Problem, computed
 from p3dof._base.blocks.reduction import State
 from p3dof._base.blocks.storage import Manifest, path_of, require_folder
-from p3dof._base.checks import one_line, shown
+from p3dof._base.checks import one_line, shown, whole
 from p3dof._base.errors import InputError
 from p3dof._base.files import write_atomic
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from p3dof._base.checks import FloatArray, Readable, meant, one_line, shown
+from p3dof._base.checks import FloatArray, Readable, meant, one_line, shown, whole
 from p3dof._base.errors import InputError, SweepError
 
 Columns: TypeAlias = Mapping[str, NDArray[Any]]
@@ -202,10 +202,3 @@ def check_problem(problem: Any) -> None:
 
 
 _DOORS = ("count", "columns", "block_size", "settings", "compute")
-
-
-def whole(name: str, value: Any, least: int, most: int) -> int:
-    """Return a whole number within bounds."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise InputError(f"{name}: expected a whole number from {least} to {most}, got {shown(value)}")
-    return int(value)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-from p3dof._base.blocks.problem import Columns, not_among, whole
-from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown
+from p3dof._base.blocks.problem import Columns, not_among
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown, whole
 from p3dof._base.errors import InputError, SweepError
 
 State: TypeAlias = Mapping[str, NDArray[Any]]

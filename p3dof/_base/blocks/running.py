@@ -12,7 +12,7 @@ import numpy as np
 
 from p3dof._base.blocks import storage
 from p3dof._base.blocks.crew import Crew, Work, crew_of, died, dropped, run_blocks
-from p3dof._base.blocks.problem import Problem, whole
+from p3dof._base.blocks.problem import Problem
 from p3dof._base.blocks.reduction import Reduction, State
 from p3dof._base.blocks.results import Sweep
 from p3dof._base.blocks.storage import (
@@ -28,7 +28,7 @@ from p3dof._base.blocks.storage import (
     read_manifest,
     require_same,
 )
-from p3dof._base.checks import Progress
+from p3dof._base.checks import Progress, whole
 from p3dof._base.errors import FileError, SweepError
 from p3dof._base.files import called, check_writable, write_atomic
 

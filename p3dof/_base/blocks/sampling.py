@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from p3dof._base.blocks.problem import MOST_ITEMS, NAME, Block, whole
-from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown
+from p3dof._base.blocks.problem import MOST_ITEMS, NAME, Block
+from p3dof._base.checks import FloatArray, Readable, frozen_array, positive, shown, whole
 from p3dof._base.errors import InputError
 
 

@@ -30,10 +30,9 @@ from p3dof._base.blocks.problem import (
     Problem,
     check_problem,
     not_among,
-    whole,
 )
 from p3dof._base.blocks.reduction import Form, Histogram, Moments, ParetoArchive, Reduction, State, TopK
-from p3dof._base.checks import Readable, one_line, shown
+from p3dof._base.checks import Readable, one_line, shown, whole
 from p3dof._base.errors import FileError, InputError, P3dofError, SweepError
 from p3dof._base.files import (
     UnfitError,

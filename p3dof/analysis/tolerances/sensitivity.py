@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from p3dof._base import blocks
-from p3dof._base.blocks.problem import whole
-from p3dof._base.checks import FloatArray, Progress, Readable, as_floats, shown
+from p3dof._base.checks import FloatArray, Progress, Readable, as_floats, shown, whole
 from p3dof._base.errors import InputError, ParameterError
 from p3dof._base.tables import ShownInNotebook, Tabular
 from p3dof._base.time_series.wrenches import Load, WrenchOverTime

@@ -24,8 +24,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.blocks.problem import whole
-from p3dof._base.checks import Progress, positive, shown, unknown_field
+from p3dof._base.checks import Progress, positive, shown, unknown_field, whole
 from p3dof._base.errors import InputError
 from p3dof._base.files import called, parse_yaml, read_text
 from p3dof._base.tables import Table, formatted, html_of, notebook_html, number, table_of

@@ -130,7 +130,7 @@ def in_percent(what: str, value: Any, example: str) -> Any:
         return value
     digits = value.strip()
     try:
-        return float(digits.rstrip("%")) / (100 if digits.endswith("%") else 1)
+        return float(digits.removesuffix("%")) / (100 if digits.endswith("%") else 1)
     except ValueError:
         raise DriveError(f"{what}: expected a share such as {example}, got {shown(value)}") from None
 

@@ -15,8 +15,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from p3dof._base.blocks import Block, Normal, Samples
-from p3dof._base.blocks.problem import whole
-from p3dof._base.checks import FloatArray, Readable, positive, shown
+from p3dof._base.checks import FloatArray, Readable, positive, shown, whole
 from p3dof._base.errors import InputError
 from p3dof.analysis.designs.columns import DENSITY, QUANTITIES, SIZES, full_name, members_of, numbers_of
 from p3dof.analysis.designs.figures import FigureGroup

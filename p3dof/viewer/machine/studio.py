@@ -14,13 +14,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from p3dof._base.blocks.problem import whole
-from p3dof._base.checks import FloatArray, as_floats, shown
+from p3dof._base.checks import FloatArray, as_floats, shown, suggestion, whole
 from p3dof._base.errors import InputError
 from p3dof._base.files import check_writable, write_atomic
 from p3dof.analysis.designs.columns import by_header
-from p3dof.analysis.indices import COLUMNS, DEFINITIONS, Indices
+from p3dof.analysis.indices import DEFINITIONS, Indices
 from p3dof.analysis.indices.definitions import IndicesMachine as WithIndices
+from p3dof.analysis.indices.definitions import check_names
 from p3dof.analysis.workspace.margins import WorkspaceMachine as WithWorkspace
 from p3dof.analysis.workspace.workspace import Workspace
 from p3dof.machine.motion import Motion
@@ -77,7 +77,7 @@ def studio_document(
     grid = np.stack(np.broadcast_arrays(y[None, :], 0.0, theta[:, None]), axis=-1)
     at = Indices(machine, grid, on_invalid="nan")
     height = workspace.height(grid[..., 0], grid[..., 2])
-    names = INDICES if indices is None else tuple(indices)
+    names = INDICES if indices is None else check_names(indices)
     geometry = machine.parameters.geometry
     lengths = {name: float(getattr(geometry, name)) for name in ("r", "R", "L", "b")}
     sizes = (("area", "m rad", workspace.area_y_theta), ("volume", "m² rad", workspace.volume))
@@ -170,8 +170,6 @@ def _tilts(workspace: Workspace) -> tuple[float, float]:
 
 
 def _index(at: Indices, column: str) -> dict[str, Any]:
-    if column not in COLUMNS:
-        raise InputError(f"indices: unknown index {shown(column)}, expected {', '.join(COLUMNS)}")
     definition = next(one for one in DEFINITIONS.values() if column in one.columns)
     meaning = definition.describe(column, at.length) + (
         f" ({definition.source})" if definition.source else ""
@@ -210,7 +208,9 @@ def _designs(designs: Any, better: Mapping[str, str], start: int | None) -> dict
             raise InputError(f"better: {name}: expected 'small' or 'large', got {shown(way)}")
         columns.append({"name": name, "unit": unit.rstrip("]"), "better": way, "values": _plain(column)})
     if told:
-        raise InputError(f"better: no column {next(iter(told))} among the designs")
+        missing, names = next(iter(told)), [str(column["name"]) for column in columns]
+        hint = suggestion(missing, names)
+        raise InputError(f"better: {shown(missing)} is no column of the designs; {hint}")
     sizes = {len(column["values"]) for column in columns}
     if len(sizes) != 1 or not 1 <= min(sizes) <= MOST_DESIGNS:
         raise InputError(
