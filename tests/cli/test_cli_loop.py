@@ -615,6 +615,32 @@ def test_simulate_keeps_energy_and_loops(capsys, tmp_path, five_bar):
     assert found["gap"].max() < 1e-8
 
 
+@pytest.mark.parametrize(
+    "options", [(), ("--rate", 300), ("--rate", 300, "--delay", "4.3ms"), ("--rate", 300, "--bandwidth", 40)]
+)
+def test_the_work_of_simulate_is_the_energy_that_a_robot_without_losses_gains(
+    capsys, tmp_path, five_bar, monkeypatch, options
+):
+    """Whatever acts between the few samples that are asked for; without a look at the ticks it is not."""
+    motion, out = tmp_path / "m.csv", tmp_path / "run.csv"
+    motion.write_text("t,left_joint,right_joint\n0,1.9,1.2\n0.2,2.3,1.3\n0.4,1.5,0.8\n0.6,1.9,1.2\n")
+    given = ("--motion", motion, "--controller", "pd", "--samples", 7, *options, "--out", out, "--json")
+
+    def told():
+        code, text, _ = loop(capsys, "simulate", five_bar, *given)
+        rows = dict(json.loads(text)["tables"][0]["rows"])
+        return code, rows["energy gained"], rows["work of the actuators"]
+
+    code, energy, work = told()
+    assert code == 0
+    assert abs(energy) > 0.05
+    assert work == pytest.approx(energy, rel=1e-5 if "--bandwidth" in options else 1e-7)
+    time = columns(out)["t [s]"]
+    np.testing.assert_allclose(time, np.linspace(0, 0.6, 7), rtol=0, atol=1e-12)
+    monkeypatch.setattr("p3dof.cli.loop.simulate._looked_at", lambda asked, _: asked)
+    assert told()[2] != pytest.approx(energy, rel=0.01)
+
+
 def test_what_a_run_and_forces_write_is_a_motion_again(capsys, tmp_path, five_bar):
     """A constant torque moves the robot; the forces of that motion are it. Only joints and time are read."""
     start = ("--set", "left_joint=1.9", "--set", "right_joint=1.2", "--actuator-force", "left_joint=2")

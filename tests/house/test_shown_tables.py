@@ -10,6 +10,7 @@ import closed_loop_robots as robots
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy.integrate
 from table_numbers import check_table, shows
 
 import p3dof
@@ -42,6 +43,7 @@ from p3dof.machine.parameters.tables import parameter_tables, payload_table
 from p3dof.methods import InverseDynamics, JointStates
 from p3dof.methods.engines.driven import Convergence
 from p3dof.methods.results import evidence_table, forces_table, limits_table
+from p3dof.runs import ControlLoop
 from p3dof.runs.results import RobotRun
 
 NAN = float("nan")
@@ -442,30 +444,51 @@ def test_the_values_of_a_ball_joint_stand_together():
 
 @shows("p3dof.cli.loop.simulate._table")
 def test_the_table_of_a_run(five_bar):
-    """A run of any numbers: energy from end to end, work by trapezoids, largest values of all columns."""
+    """A run of any numbers: energy from end to end, largest values of all columns."""
     v, a = (VALUES.normal(0, 2, (5, five_bar.model.nv)) for _ in range(2))
     q, energy = VALUES.normal(0, 1, (5, five_bar.model.nq)), VALUES.normal(0, 100, 5)
     forces, gap = VALUES.normal(0, 30, (5, 2)), np.array([0, 1e-9, 3.45e-6, 0, 0])
     run = RobotRun(five_bar, TIME, q, v, a, forces, forces, gap, energy, None, 1)
     columns = [five_bar.model.joints[five_bar.model.getJointId(name)].idx_v for name in five_bar.actuated]
-    power = [sum(forces[n, i] * v[n, at] for i, at in enumerate(columns)) for n in range(5)]
+
+    def work(mean):
+        return sum(
+            mean(forces[n, i], forces[n + 1, i], TIME[n + 1] - TIME[n]) * (q[n + 1, at] - q[n, at])
+            for n in range(4)
+            for i, at in enumerate(columns)
+        )
+
     rows = {
         "time": ((2.0, "s"),),
         "method": ("general",),
         "energy gained": (energy[4] - energy[0],),
-        "work of the actuators": (
-            sum((power[n] + power[n + 1]) / 2 * (TIME[n + 1] - TIME[n]) for n in range(4)),
-        ),
+        "work of the actuators": (work(lambda before, after, _: (before + after) / 2),),
         "largest force of an actuator": (max(abs(forces.ravel())),),
         "largest speed of a joint": (max(abs(v.ravel())),),
         "largest gap of a loop": (3.45e-6,),
     }
-    check_table(run_table(run), rows)
+    check_table(run_table(run, ControlLoop()), rows)
+
+    def lagging(before, after, step):
+        """The mean of a force that goes on from one sample to the next as a first-order lag of 0.7 Hz."""
+        left = np.exp(-2 * np.pi * 0.7 * step)
+        asked = (after - before * left) / (1 - left)
+        force = scipy.integrate.quad(
+            lambda t: asked + (before - asked) * np.exp(-2 * np.pi * 0.7 * t), 0, step, epsabs=1e-13
+        )
+        return force[0] / step
+
+    for control, mean in (
+        (ControlLoop(rate=50), lambda *forces: forces[0]),
+        (ControlLoop(rate=50, bandwidth=0.7), lagging),
+        (ControlLoop(rate=1e6), lambda *_: NAN),  # more changes than are looked at
+    ):
+        check_table(run_table(run, control), rows | {"work of the actuators": (work(mean),)})
     wanted = q[:, columns] + np.array([[0, 0], [0.01, -0.2], [0, 0.1], [0, 0], [0.3, 0]])
     led = RobotRun(five_bar, TIME, q, v, a, forces, forces, gap, energy, None, 1, reference=wanted)
     first, *rest = rows.items()
     rows = dict([first, ("largest error of an actuated joint", (0.3,)), *rest])
-    check_table(run_table(led), rows)
+    check_table(run_table(led, ControlLoop()), rows)
 
 
 @shows("p3dof.cli.workspace._table")

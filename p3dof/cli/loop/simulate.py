@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -15,6 +16,7 @@ from p3dof._base.checks import FloatArray
 from p3dof._base.errors import InputError
 from p3dof._base.quantities import ANGLE, FORCE, LENGTH, MOMENT, ROTATION, SPEED
 from p3dof._base.tables import Table, formatted, number
+from p3dof._base.time_series.times import evenly
 from p3dof.cli.app import FAILED
 from p3dof.cli.control import DAMPING, FREQUENCY, RATE, Feedback, actuation, time_limit
 from p3dof.cli.files import InputFile, console_beside, protect, save_figure_if_possible, source, write_results
@@ -48,6 +50,7 @@ from p3dof.runs import (
     moved_inertia,
     simulate_robot,
 )
+from p3dof.runs.settings import EDGE
 
 NONE, PD, COMPUTED_TORQUE = "none", "pd", "computed-torque"
 
@@ -228,7 +231,9 @@ def simulate(
     if duration is None:
         duration = wanted.duration if wanted is not None and wanted.duration else 1.0
     settings = Integration(rtol=1e-9, atol=1e-11, time_limit=time_limit)
-    with in_options(_WORDS), progress_bar("run", samples) as progress:
+    asked = evenly(0.0, duration, samples)
+    times = _looked_at(asked, control.acting)
+    with in_options(_WORDS), progress_bar("run", len(times)) as progress:
         run = simulate_robot(
             robot,
             duration,
@@ -238,15 +243,15 @@ def simulate(
             control=control.acting,
             external=loads,
             stop_at=_LIMITS[limits],
-            samples=samples,
+            samples=times,
             integration=settings,
             progress=progress,
             method=method if compiled is None else compiled,
         )
-    written = write_results(partial(run.save, multipliers=multipliers), out)
+    written = write_results(partial(_sampled(run, asked).save, multipliers=multipliers), out)
     written += save_figure_if_possible(lambda plots: plots.robot_run_figure(run), figure)
     console = console_beside(out)
-    show(console, _table(run))
+    show(console, _table(run, control.acting))
     told = [*doubtful_units(robot), *exceeded(run.exceedances())]
     print_warnings(console, told if run.stop is None else [f"ended by {run.stop}", *told])
     if run.note:
@@ -270,14 +275,49 @@ def _actuated(robot: ClosedLoopModel, q: FloatArray) -> FloatArray:
     return np.array([float(held[name][0]) for name in robot.actuated])
 
 
-def _table(run: RobotRun) -> Table:
-    power = run.power.sum(axis=1)
-    work = float(np.sum((power[1:] + power[:-1]) / 2 * np.diff(run.time)))
+_FINE, _LAGGING = 1000, 8  # looks at forces that change all the time, in a run or in a period
+_MOST = 200_000  # looks, at most
+
+
+def _looked_at(asked: FloatArray, control: ControlLoop) -> FloatArray:
+    """Return times of samples with those at which forces change, which peaks and work depend on."""
+    period, parts = control.period or asked[-1] / _FINE, _LAGGING if control.drives(1) is not None else 1
+    if not 0 < asked[-1] * parts <= _MOST * period:
+        return asked
+    changes = period * (np.arange(parts * math.ceil(asked[-1] / period)) / parts + control.lateness[1])
+    times = np.sort(np.concatenate([asked, changes[changes < asked[-1]]]))
+    times = times[np.append(True, np.diff(times) > EDGE * period)]
+    times[-1] = asked[-1]
+    return np.asarray(times)
+
+
+def _sampled(run: RobotRun, asked: FloatArray) -> RobotRun:
+    """Return a run at the samples that were asked for, and at its end."""
+    rows = np.unique(np.minimum(np.searchsorted(run.time, asked * (1 - 1e-12)), len(run) - 1))
+    arrays = ("time", "q", "v", "a", "forces", "asked", "gap", "energy", "reference")
+    kept = {name: value[rows] for name in arrays if (value := getattr(run, name)) is not None}
+    return replace(run, **kept, external={name: wrench[rows] for name, wrench in run.external.items()})
+
+
+def _work(run: RobotRun, control: ControlLoop) -> float:
+    """Return the work of the actuators [J]; NaN where samples miss changes of held forces."""
+    later: float | FloatArray = 0.5  # the weight of the force at the end of a step in its mean
+    if control.rate:
+        drives = control.drives(len(run.loop.actuated))
+        if run.duration * (1 if drives is None else _LAGGING) > _MOST * control.period:
+            return math.nan
+        steps = 2 * math.pi * np.outer(np.diff(run.time), math.inf if drives is None else drives)
+        later = np.where(np.isinf(steps), 0.0, -1 / np.expm1(-steps) - 1 / steps)  # held, or a lag
+    forces = run.forces[:-1] + later * np.diff(run.forces, axis=0)
+    return float(np.sum(forces * np.diff(run.actuated, axis=0)))
+
+
+def _table(run: RobotRun, control: ControlLoop) -> Table:
     rows = [
         ("time", number(float(run.time[-1]), "s")),
         ("method", run.method),
         ("energy gained", number(float(run.energy[-1] - run.energy[0]), "J")),
-        ("work of the actuators", number(work, "J")),
+        ("work of the actuators", number(_work(run, control), "J")),
         ("largest force of an actuator", number(float(np.abs(run.forces).max(initial=0.0)), "N or N m")),
         ("largest speed of a joint", number(float(np.abs(run.v).max(initial=0.0)), "m/s or rad/s")),
         ("largest gap of a loop", formatted(run.gap.max(initial=0.0), ".1e", "m or rad")),
