@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,11 +30,12 @@ from p3dof.runs import InitialState, Integration, Simulation, errors_table
 from p3dof.runs.controllers import CONTROLLERS
 from p3dof.runs.machine import COMPILED
 from p3dof.runs.many import failures, figures_table, read_runs, stops_table
-from p3dof.runs.settings import Work, estimate, require_affordable
+from p3dof.runs.settings import EDGE, Work, estimate, require_affordable
 
 _FORCE = Amount(FORCE)
 SAMPLES = 1001
 """Least number of samples of a run: errors are sought among them."""
+_SEEN = 50_000  # samples of the controller that are also samples of a run: forces change at each
 
 
 @dataclass(frozen=True)
@@ -134,11 +136,12 @@ def simulate(
     case.robot.inverse_kinematics(case.motion.pose)  # names a pose that is out of reach before anything moves
     motion, load = case.entered(ramp)
     control = feedback.loop()
-    samples = max(SAMPLES, len(motion))
+    ticks = math.ceil(motion.duration * (control.rate or 0.0) - EDGE)
+    samples = max(SAMPLES, len(motion), ticks + 1 if ticks < _SEEN else 0)
     if every_tick:
         if kind != "csv":
             raise InputError("--every-tick: writes CSV, leave out --format npz")
-        samples = round(motion.duration * (control.rate or 0.0)) + 1
+        samples = ticks + 1
     way = "C" if method == COMPILED and available(case.robot.kernels) else method
     one = estimate(way, motion.duration, samples, control.changes, control.quickest)
     all_runs = Work(len(names) * one.steps, len(names) * one.seconds)
@@ -167,6 +170,9 @@ def simulate(
             written += save_figure_if_possible(lambda plots: plots.tracking_figure(runs), *figures)
     console = case.console()
     show(console, errors_table(runs))
+    if samples <= ticks or any(len(run) < samples for run in runs.values() if run.finished):
+        where = "the file has all" if every_tick else "--every-tick writes all"
+        print_plain(console, f"largest among a part of the {ticks} samples of the controller; {where}")
     print_plain(console, f"method: {', '.join(dict.fromkeys(run.method for run in runs.values()))}")
     print_warnings(console, case.robot.remarks(case.motion, wrench=case.history))
     _print_ratio(console, runs)

@@ -1,5 +1,6 @@
 """Prepared runs: the bits of single ones, whatever ran before; what a call leaves serves only its like."""
 
+import json
 import threading
 from dataclasses import replace
 
@@ -261,3 +262,34 @@ def test_the_command_writes_every_tick(tmp_path, capsys):
     np.testing.assert_allclose(table[:, 0], np.arange(201) / 2000, rtol=0, atol=1e-15)
     code, _, err = run(capsys, *arguments, "--every-tick", "--format", "npz")
     assert (code, "--every-tick: writes CSV" in err) == (2, True)
+
+
+def test_largest_forces_of_the_command_are_among_those_at_every_tick(tmp_path, capsys, monkeypatch):
+    """Measurement noise makes another force at each tick; the largest of a part of them is told as such."""
+    from command_line import run
+
+    p3dof.Motion.rest_to_rest([0, 0, 0], [0.02, 0.01, 0.1], 0.1, 11).to_csv(tmp_path / "m.csv")
+    arguments = ["simulate", "--motion", tmp_path / "m.csv", "--controller", "pd", "--rate", "20 kHz"]
+    arguments += ["--noise", "1mm", "0.1 m/s", "--no-plot", "--json", "--out", tmp_path]
+
+    def told(*more):
+        code, out, _ = run(capsys, *arguments, *more)
+        assert code == 0
+        found = json.loads(out)
+        return found["tables"][0]["rows"][0][4], [note for note in found["notes"] if "among" in note]
+
+    words = "largest among a part of the 2000 samples of the controller; "
+    fewer, notes = told("--every-tick")
+    assert notes == [words + "the file has all"]
+    with (tmp_path / "simulation_pd.csv").open(encoding="utf-8") as file:
+        names = file.readline().split(",")
+    table = np.loadtxt(tmp_path / "simulation_pd.csv", delimiter=",", skiprows=1)
+    forces = table[:, [i for i, name in enumerate(names) if name in ("fA [N]", "fB [N]", "fC [N]")]]
+    assert len(table) == 2001
+    largest = np.abs(forces).max()
+    assert fewer < largest
+    assert told() == (largest, [])
+    monkeypatch.setattr("p3dof.cli.simulate._SEEN", 2000)
+    fewer, notes = told()
+    assert fewer < largest
+    assert notes == [words + "--every-tick writes all"]
