@@ -285,6 +285,12 @@ def of_robot(name, **options):
     excess = forces.excess(states, rows)
     assert excess.max() <= 0
     assert_allclose(forces.excess(states), excess, rtol=0, atol=1e-9)  # by inverse dynamics
+    by_name, v = dict(zip(forces.limits, excess.T, strict=True)), states.whole[1]
+    for joint, joint_name in enumerate(robot.model.names.tolist()[1:], start=1):  # passive ones, too
+        at, most = robot.model.idx_vs[joint], robot.model.velocityLimit[robot.model.idx_vs[joint]]
+        if robot.model.nvs[joint] > 1 or most > 1e6:
+            continue
+        assert_allclose(by_name[f"speed of {joint_name}"], np.abs(v[:, at]) / most - 1, atol=1e-12)
     return robot, one, rows.columns @ forces.design + rows.known
 
 

@@ -431,7 +431,9 @@ def optimise_excitation(
         search.count = periods * basis.period * often
         shapes = _Random(search, centre, np.random.default_rng(seed))
         search.unknowns = unknowns = Unknowns.of(forces, shapes, sigma, doubts, prior)
-        search.refine(max(basis.samples, -(-2 * len(unknowns.base) // len(sigma))))
+        speeds = sum(limit.startswith("speed of ") for limit in forces.limits)
+        finer = 2 if speeds > len(forces.actuators) else 1  # joints that others move are fast for a moment
+        search.refine(finer * max(basis.samples, -(-2 * len(unknowns.base) // len(sigma))))
         while len(shapes.found) < _RANDOM:
             shapes()
         over = {"workspace": np.concatenate([unknowns.columns(one.rows) for _, one in shapes.found])}
@@ -514,9 +516,10 @@ def _best(search: Search, shapes: _Random) -> FloatArray:
         raise OptimisationError("excitation: motions with so few harmonics do not tell the parameters apart")
     found = []
     for k, (_, _, X) in enumerate(starts[:_STARTS]):
-        better = search.fitted(search.improve(X), dense=True)
-        if better is not None:
-            found.append((search.rated(search.dense_motion(better)), k, better))
+        for one in (search.improve(X), X):  # an improved one may have to become smaller between samples
+            better = search.fitted(one, dense=True)
+            if better is not None:
+                found.append((search.rated(search.dense_motion(better)), k, better))
         if search.spent:
             break
     if not found:

@@ -204,7 +204,15 @@ class LoopForces:
         )
         self._limits = Limits(model)
         joints_within = tuple(f"position of {name}" for name in self._limits.names)
-        each = (f"{what} of {name}" for what in ("way", "speed", "force") for name in self.actuators)
+        self._passive = [
+            joint
+            for joint in range(1, model.njoints)
+            if model.nvs[joint] == 1
+            and model.idx_vs[joint] not in self._v
+            and 0 < model.velocityLimit[model.idx_vs[joint]] < np.inf
+        ]
+        each = [f"{what} of {name}" for what in ("way", "speed", "force") for name in self.actuators]
+        each += [f"speed of {model.names[joint]}" for joint in self._passive]
         self.limits: tuple[str, ...] = (*joints_within, *each, "singularity margin")
         rest = np.zeros(model.nv)
         at_rest = robot.force_regressor(home, rest, rest)
@@ -291,11 +299,11 @@ class LoopForces:
         """Return by how much limits are exceeded, each over its size, (N, K): at most zero within.
 
         Positions of all joints with limits; the way of actuators without any from where they start; speeds
-        and forces of the actuators, the design's, against `largest`; the singularity margin of actuation.
+        and forces of the actuators, the design's, against `largest`; speeds of other joints with limits; the
+        singularity margin of actuation.
         """
-        q, (force, speed) = states.whole[0], self.largest
+        (q, v, a), (force, speed) = states.whole, self.largest
         if rows is None:  # the same forces, and sooner
-            _, v, a = states.whole
             tau = self._robot.inverse_dynamics_batch(q, v, a, method=self._method).tau
         else:
             tau = rows.columns @ self.design + rows.known
@@ -312,8 +320,10 @@ class LoopForces:
         way = np.where(free, np.abs(states.positions - self.home) / room - 1, -1.0)
         fast = np.abs(states.velocities) / speed - 1
         strong = np.abs(tau) / force - 1
+        places = [self._robot.model.idx_vs[joint] for joint in self._passive]
+        others = np.abs(v[:, places]) / self._robot.model.velocityLimit[places] - 1
         margin = self._robot.singularity_margins(q).actuation
-        return np.column_stack([joints, way, fast, strong, 1 - margin / LEAST_MARGIN])
+        return np.column_stack([joints, way, fast, strong, others, 1 - margin / LEAST_MARGIN])
 
     def corrected(self, parameters: ArrayLike) -> ClosedLoopModel:
         """Return the robot with other parameters (P,).
