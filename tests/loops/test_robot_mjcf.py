@@ -147,6 +147,21 @@ def test_keyframes_are_reference_configurations(rich):
         mjcf.read(RICH, "hme")
 
 
+def test_without_a_keyframe_the_reference_is_where_the_file_draws_the_robot():
+    """At MuJoCo's `qpos0` the loops of a file close, and few files have it at zero."""
+    sphere = '<geom type="sphere" size="0.1"/>'
+    xml = f"""<mujoco><worldbody>
+      <body pos="0 0 0.5"><joint name="turn" axis="0 1 0" ref="80"/>{sphere}
+        <body name="arm" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" ref="-70"/>{sphere}</body></body>
+      <body name="plate" pos="0.1 0.2 -0.6" euler="0 0 90"><freejoint name="float"/>{sphere}</body>
+    </worldbody><equality><connect body1="arm" body2="plate" anchor="0.2 0 0"/></equality></mujoco>"""
+    robot, drawn = load_robot(xml), mujoco.MjModel.from_xml_string(xml).qpos0
+    expected = [drawn[0], drawn[1], *drawn[2:5], *drawn[6:9], drawn[5]]
+    np.testing.assert_allclose(robot.reference, expected, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(robot.closure_error(robot.reference), 0, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(robot.assemble().q, expected, rtol=0, atol=1e-15)
+
+
 def test_equalities_of_sites_tie_the_sites():
     sites = '<site name="one"/>', '<site name="two" pos="0 0 1"/>'
     bodies = "".join(

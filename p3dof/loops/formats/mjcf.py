@@ -495,14 +495,13 @@ class _Translation:
             warn(message, ModelWarning, stacklevel=5)
         return tuple(names)
 
-    def _reference(self) -> dict[str, Any] | None:
+    def _reference(self) -> dict[str, Any]:
+        """Return the keyframe, or else where the file draws the robot, which few put at zero."""
         m = self._m
         names = [self._name(m.key, number, "key") for number in range(m.nkey)]
         if self._key is not None and self._key not in names:
             raise ModelError(f"keyframe {shown(self._key)} does not exist; {suggestion(self._key, names)}")
-        if not names:
-            return None
-        q = m.key_qpos[0 if self._key is None else names.index(self._key)]
+        q = m.key_qpos[0 if self._key is None else names.index(self._key)] if names else m.qpos0
         found = {name: self._values(q, number) for number, name in enumerate(self._joints)}
         return found | {
             one.name: sum(f * found[j] for j, f in one.joints.items()) for one in self._tendons.values()
