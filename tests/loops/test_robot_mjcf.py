@@ -162,6 +162,31 @@ def test_without_a_keyframe_the_reference_is_where_the_file_draws_the_robot():
     np.testing.assert_allclose(robot.assemble().q, expected, rtol=0, atol=1e-15)
 
 
+@pytest.mark.parametrize("flag", ["", "spring", "damper", "frictionloss", "limit", "equality", "constraint"])
+def test_what_the_flags_of_the_file_disable_does_not_act(flag):
+    """The passive forces, limits and equalities are those that MuJoCo itself has left."""
+    traits = 'stiffness="5" springref="0.3" damping="0.7" frictionloss="0.4" range="-1 1"'
+    sphere = '<geom type="sphere" size="0.1"/>'
+    xml = f"""<mujoco><compiler angle="radian"/>
+      <option>{flag and f'<flag {flag}="disable"/>'}</option><worldbody>
+      <body><joint name="one" axis="0 1 0" {traits}/>{sphere}</body>
+      <body><joint name="two" axis="0 1 0"/>{sphere}</body></worldbody>
+      <equality><joint joint1="two" joint2="one"/></equality></mujoco>"""
+    model, sidecar = mjcf.read(xml)
+    theirs = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(theirs)
+    data.qpos[:], data.qvel[:] = (1.2, 0.0), (0.5, 0.0)
+    mujoco.mj_forward(theirs, data)
+    one = next(data for data in sidecar.joint_data if data.joint == "one")
+    assert one.stiffness * (one.rest - 1.2) - one.damping * 0.5 == pytest.approx(
+        data.qfrc_passive[0], abs=1e-15
+    )
+    kinds, rows = mujoco.mjtConstraint, list(data.efc_type[: data.nefc])
+    assert (one.friction > 0) == (kinds.mjCNSTR_FRICTION_DOF in rows)
+    assert (model.upperPositionLimit[0] == 1) == (kinds.mjCNSTR_LIMIT_JOINT in rows)
+    assert bool(sidecar.couplings) == (kinds.mjCNSTR_EQUALITY in rows)
+
+
 def test_equalities_of_sites_tie_the_sites():
     sites = '<site name="one"/>', '<site name="two" pos="0 0 1"/>'
     bodies = "".join(

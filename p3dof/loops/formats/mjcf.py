@@ -222,6 +222,22 @@ def pulled(one: Tendon) -> Coupling:
 
 _TURNS = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
+_SPRINGS = "jnt_stiffness", "jnt_stiffnesspoly", "tendon_stiffness", "tendon_stiffnesspoly"
+_DAMPERS = "dof_damping", "dof_dampingpoly", "tendon_damping", "tendon_dampingpoly", "actuator_damping"
+_FRICTION, _LIMITS, _EQUALITIES = (
+    ("dof_frictionloss", "tendon_frictionloss"),
+    ("jnt_limited",),
+    ("eq_active0",),
+)
+_OFF = {  # flags of MuJoCo that disable, and the arrays that have no effect then
+    "SPRING": _SPRINGS,
+    "DAMPER": _DAMPERS,
+    "PASSIVE": _SPRINGS + _DAMPERS,  # MuJoCo before 3.3.6
+    "FRICTIONLOSS": _FRICTION,
+    "LIMIT": _LIMITS,
+    "EQUALITY": _EQUALITIES,
+    "CONSTRAINT": _FRICTION + _LIMITS + _EQUALITIES,
+}
 _UNIT = 1e-9  # how far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow
 
 
@@ -247,6 +263,7 @@ class _Translation:
         self._m, self._key, self._types = compiled, key, mujoco
         self._model = pin.Model()
         self._model.name = compiled.names.split(b"\0", 1)[0].decode("utf-8", "replace")
+        self._switch_off()
         weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
         self._model.gravity.linear = np.zeros(3) if weightless else np.array(compiled.opt.gravity)
         self._joints: list[str] = []
@@ -254,6 +271,14 @@ class _Translation:
         self._frames: set[str] = {"universe"}
         self._sites: list[str] = []
         self._tendons: dict[int, Tendon] = {}
+
+    def _switch_off(self) -> None:
+        """Make zero what a `<flag>` disables: MuJoCo keeps the numbers, and leaves them out at each step."""
+        for flag, fields in _OFF.items():
+            bit = getattr(self._types.mjtDisableBit, f"mjDSBL_{flag}", 0)
+            for field in fields if int(self._m.opt.disableflags) & int(bit) else ():
+                if hasattr(self._m, field):
+                    getattr(self._m, field)[...] = 0
 
     def result(self) -> tuple[pin.Model, Sidecar]:
         """Return the tree and its sidecar."""
@@ -391,8 +416,7 @@ class _Translation:
         m, kinds = self._m, self._types.mjtEq
         closures: list[Closure] = []
         couplings: list[Coupling] = []
-        disabled = m.opt.disableflags & self._types.mjtDisableBit.mjDSBL_EQUALITY
-        for number in range(0 if disabled else m.neq):
+        for number in range(m.neq):
             kind = kinds(int(m.eq_type[number]))
             if not m.eq_active0[number]:
                 continue
