@@ -433,6 +433,22 @@ def test_what_is_seen_is_told_in_combinations():
     assert nothing.combinations == ()
 
 
+def test_values_of_combinations_are_those_of_their_words():
+    """Small terms are left out of the words; value and deviation were with them, many deviations off."""
+    A = np.array([[1.0, 0.009, 0.0], [-1.0, -0.009, 2.0], [2.0, 0.018, 1.0]])
+    truth, doubt = np.array([3.0, 50.0, 1.0]), np.array([10.0, 10.0, 1.0])
+    names = ["rotor.armature", "body.m", "rotor.friction"]
+    found = estimate_parameters(A, A @ truth, [1.0, 50.0, 1.0], doubt, 1e-3, names=names, consistent=False)
+    told = {words: (value, spread) for words, value, spread in found.combinations}
+    for i, name in ((0, "rotor.armature"), (2, "rotor.friction")):
+        assert told[name][0] == pytest.approx(found.parameters[i], rel=1e-12)
+        assert told[name][1] == pytest.approx(np.sqrt(found.covariance[i, i]), rel=1e-12)
+    precision = np.diag(doubt**-2.0) + A.T @ A / 1e-6
+    spread = np.sqrt(np.linalg.inv(precision)[0, 0])  # 0.09: the body's mass is known to 10 kg
+    assert told["rotor.armature"][1] == pytest.approx(spread, rel=1e-6)
+    assert told["rotor.armature"][0] == pytest.approx(3.0, abs=spread)
+
+
 # Payloads, and what a model of bodies lacks
 
 

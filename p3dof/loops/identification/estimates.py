@@ -449,13 +449,12 @@ def _combinations(
     kept = np.flatnonzero(size > RANK_TOLERANCE * size.max())
     columns, matrix = combined(W, size, kept, pivoted(Vt[:rank, kept].T, np.array([], dtype=int)))
     told = []
-    for row, lead in zip(matrix, columns.tolist(), strict=True):
+    for every, lead in zip(matrix, columns.tolist(), strict=True):
+        row = np.where(np.abs(every) < _LITTLE, 0.0, every)  # value and deviation are those of the words
         spread = doubt[free[lead]] * np.sqrt(max(float(row @ posterior.covariance @ row), 0.0))
         whole = np.zeros(len(design))
         whole[free] = row * doubt[free[lead]] / doubt[free]
-        little = np.abs(whole * doubt) < _LITTLE * doubt[free[lead]]
-        words = in_words(np.where(little, 0.0, whole), names, int(free[lead]))
-        told.append((words, whole, float(spread)))
+        told.append((in_words(whole, names, int(free[lead])), whole, float(spread)))
     return sorted(told, key=lambda one: one[2] / max(abs(float(one[1] @ design)), np.finfo(float).tiny))
 
 
