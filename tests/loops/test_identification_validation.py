@@ -14,7 +14,7 @@ from table_numbers import check_evidence, check_table, shows
 import p3dof
 from p3dof.analysis.identification import MachineForces
 from p3dof.loops.identification.data import ForcesFit
-from p3dof.loops.identification.forces import LoopForces, Rows, States
+from p3dof.loops.identification.forces import ExtendedForces, LoopForces, Rows, States
 from p3dof.loops.identification.validation import (
     combinations_table,
     identify,
@@ -25,6 +25,8 @@ from p3dof.loops.identification.validation import (
     validate,
     validation_table,
 )
+from p3dof.loops.robots import load_robot
+from p3dof.loops.sidecar import Closure, JointData, Sidecar
 from p3dof.machine.parameters import read_parameters, write_parameters
 
 COUNTS, NOISE = 2 * np.pi / 8192, 0.02
@@ -264,6 +266,37 @@ def test_tables_say_it_in_words(found):
         "Ixz": "kg m²", "Iyz": "kg m²", "Izz": "kg m²", "armature": "kg", "counterbalance": "N",
         "spring": "N/m", "damping": "N s/m", "friction": "N",
     }  # fmt: skip
+
+
+def test_units_are_those_of_each_joint_not_of_motors_alone():
+    """A passive slide with a spring and a wheel with one, behind a motor that turns."""
+    inertial = (
+        '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    kinds = {"crank": "continuous", "rod": "continuous", "piston": "prismatic"}
+    parents = {"crank": "base", "rod": "crank", "piston": "base"}
+    places = {"crank": "0 0 0", "rod": "0.2 0 0", "piston": "0.7 0 0"}
+    joints = "".join(
+        f'<link name="{name}_body">{inertial}</link><joint name="{name}" type="{kind}">'
+        f'<parent link="{"base" if parents[name] == "base" else parents[name] + "_body"}"/>'
+        f'<child link="{name}_body"/><origin xyz="{places[name]}"/>'
+        f'<axis xyz="{"1 0 0" if kind == "prismatic" else "0 1 0"}"/>'
+        '<limit lower="-9" upper="9" effort="1" velocity="1"/></joint>'
+        for name, kind in kinds.items()
+    )
+    eye = '<link name="eye"/><joint name="end" type="fixed"><parent link="rod_body"/><child link="eye"/>'
+    text = f'<robot name="r"><link name="base"/>{joints}{eye}<origin xyz="0.5 0 0"/></joint></robot>'
+    springs = [JointData("piston", stiffness=3.0, force=2.0), JointData("rod", stiffness=1.0)]
+    sidecar = Sidecar(
+        (Closure("eye", "piston_body"),), ("crank",), (), {"crank": 1.0}, joint_data=tuple(springs)
+    )
+    forces = LoopForces(load_robot(text, sidecar))
+    told = {name: unit_of(name, ExtendedForces(forces, ["stribeck"])) for name in forces.names}
+    of_slide = {"stiffness": "N/m", "preload": "N", "damping": "N s/m", "friction": "N", "armature": "kg"}
+    assert {what: told[f"piston.{what}"] for what in of_slide} == of_slide
+    assert [told[f"rod.{what}"] for what in ("stiffness", "damping")] == ["N m/rad", "N m s/rad"]
+    assert told["crank.armature"] == "kg m²"
+    assert unit_of("crank.stribeck", forces) == "N m"
 
 
 def test_whiteness_is_of_residuals_whitened_by_the_whole_covariance(found):

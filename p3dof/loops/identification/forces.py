@@ -16,6 +16,7 @@ from p3dof._base.errors import AssemblyError, InputError, ModelError
 from p3dof.loops.assembly import Limits
 from p3dof.loops.compiled.kept import Method
 from p3dof.loops.coordinates import length_coordinates
+from p3dof.loops.minimal import coordinate_names
 from p3dof.loops.model import ClosedLoopModel
 from p3dof.loops.regressor import MOMENTS
 from p3dof.loops.sidecar import SMOOTHING, JointData
@@ -191,7 +192,11 @@ class LoopForces:
             )
         self.actuators = self.coordinates = robot.actuated
         joints = [model.getJointId(name) for name in self.actuators]
-        slides = length_coordinates(model)[1][robot.actuated_v]
+        lengths = length_coordinates(model)[1]
+        self.sliding = frozenset(
+            np.array(coordinate_names(model))[lengths].tolist()
+        )  # freedoms along lengths
+        slides = lengths[robot.actuated_v]
         self.position_units = self.coordinate_units = tuple("m" if s else "rad" for s in slides)
         self.force_units = tuple("N" if s else "N m" for s in slides)
         self._home, self._v = home, robot.actuated_v
@@ -452,6 +457,7 @@ class ExtendedForces:
         self.actuators, self.coordinates, self.home = forces.actuators, forces.coordinates, forces.home
         self.position_units, self.force_units = forces.position_units, forces.force_units
         self.coordinate_units, self.limits = forces.coordinate_units, forces.limits
+        self.sliding: frozenset[str] = getattr(forces, "sliding", frozenset())
         added = tuple(f"{name}.{extra}" for extra in self._extras for name in forces.actuators)
         self.names: tuple[str, ...] = (*forces.names, *added)
         self.design: FloatArray = np.append(forces.design, np.zeros(len(added)))

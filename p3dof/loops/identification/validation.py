@@ -409,7 +409,7 @@ _WORDS = {
     "friction": "Coulomb friction",
     "stiffness": "stiffness",
     "spring": "spring",
-    "preload": "constant force",
+    "preload": "constant force that resists",
     "counterbalance": "counterbalance",
     "stribeck": "Stribeck friction",
     "load_friction": "friction by load",
@@ -431,10 +431,12 @@ def unit_of(name: str, forces: object) -> str:
     actuators: tuple[str, ...] = getattr(forces, "actuators", ())
     if what in _UNITS or what.startswith("I"):
         return _UNITS.get(what, "kg m²")
-    slides = owner in actuators and forces.force_units[actuators.index(owner)] == "N"  # type: ignore[attr-defined]
+    slides = owner in getattr(forces, "sliding", ()) or (
+        owner in actuators and forces.force_units[actuators.index(owner)] == "N"  # type: ignore[attr-defined]
+    )
     turned = {
         "armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m"), "friction": ("N m", "N"),
         "stiffness": ("N m/rad", "N/m"), "spring": ("N m/rad", "N/m"), "preload": ("N m", "N"),
-        "counterbalance": ("N m", "N"), "offset": ("N m", "N"),
+        "counterbalance": ("N m", "N"), "offset": ("N m", "N"), "stribeck": ("N m", "N"),
     }  # fmt: skip
     return turned[what][slides] if what in turned else ""
