@@ -826,7 +826,10 @@ class LoopPrinter:
             *_wrapped("motors: ", motors, width),
             *_wrapped("independent speeds: ", self.compiled.independent, width),
             "quaternions are x, y, z, w; joints that turn without end have cosine and sine in q;",
-            "wrenches are force [N] and moment [N m] in world axes at the frame's origin.",
+            "wrenches are force [N] and moment [N m] in world axes at the frame's origin;",
+            "joint_forces are beside those of the motors, in the order of v [N, N m];",
+            *_wrapped("inertia_... of a joint's body, at the joint's origin in its axes: ", _TEN, width),
+            "lambda_ by closure, then coupling: on the second frame's body, in axes of the first [N, N m].",
         ]
 
     def row(self, function: Function) -> Prototype:
@@ -1005,6 +1008,7 @@ class LoopPrinter:
         return next(function for function in self.functions if function.name == name)
 
 
+_TEN = "mass [kg]", "first moments x, y, z [kg m]", "moments of inertia xx, xy, yy, xz, yz, zz [kg m^2]"
 _OPTIONAL = "Wrenches, other forces and inertias may be NULL: none, and those that the robot has."
 _OBSERVE = """External forces along the independent coordinates, as of a contact or an unknown payload.
  *

@@ -436,6 +436,32 @@ def test_statuses_and_what_acts(written):
     assert np.array_equal(tau, before)
 
 
+def test_the_header_says_what_ten_numbers_an_inertia_is(written):
+    """Two masses on the platform, summed as the header has it, load the legs as the body that they are."""
+    header = " ".join(
+        (written / "stewart" / "stewart.h").read_text(encoding="utf-8").replace("*", " ").split()
+    )
+    order = "mass [kg], first moments x, y, z [kg m], moments of inertia xx, xy, yy, xz, yz, zz [kg m^2]"
+    assert f"at the joint's origin in its axes: {order}" in header
+    points, masses = np.array([[0.1, -0.2, 0.3], [-0.3, 0.1, 0.05], [0.2, 0.25, -0.1]]), [2.0, 3.0, 4.0]
+    about = sum(m * (x @ x * np.eye(3) - np.outer(x, x)) for m, x in zip(masses, points, strict=True))
+    ten = np.array([9.0, *(np.array(masses) @ points), *about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+    robot = gallery("stewart").copy()
+    centre = np.array(masses) @ points / 9
+    own = sum(
+        m * ((x - centre) @ (x - centre) * np.eye(3) - np.outer(x - centre, x - centre))
+        for m, x in zip(masses, points, strict=True)
+    )
+    robot.model.inertias[robot.model.getJointId("platform_free")] = pin.Inertia(9.0, centre, own)
+    moving, tau = trees.motions(robot, 1, seed=1), np.zeros(6)
+    state = [np.ascontiguousarray(x[0]) for x in (moving.q, moving.v, moving.a)]
+    call = library(written / "stewart", "stewart").stewart_inverse_dynamics
+    outputs = pointer(tau), pointer(np.zeros(18)), pointer(np.zeros(2))
+    assert call(*map(pointer, state), None, None, pointer(ten), *outputs) == 0
+    expected = robot.inverse_dynamics(*state).tau
+    np.testing.assert_allclose(tau, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
 def test_limits_of_position_are_those_of_the_file(written, tmp_path):
     """Of joints with one coordinate; all others, and joints without limits, may be anywhere."""
     robot = gallery("four_bar")
