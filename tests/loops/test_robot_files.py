@@ -392,6 +392,10 @@ def test_drakes_ball_constraint_is_a_point_closure():
         ),
         (chain().replace("<limit", "<limits", 1), "joint 'shoulder': a revolute joint needs a <limit>"),
         (
+            chain().replace('effort="9"', 'effort="-9"', 1),
+            "<limit> effort: expected no negative number, got -9",
+        ),
+        (
             chain().replace('effort="9"', 'effort="inf"', 1),
             "<limit> effort: expected a finite number, got 'inf'",
         ),

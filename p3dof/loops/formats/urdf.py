@@ -194,6 +194,8 @@ class _LinkReader(XmlReader):
                 self.fail(f"<{tag}> {name}: expected {wanted}, got {shown(attributes.get(name))}")
             if tag == "mass" and values[0] < 0:
                 self.fail(f"<mass> value: expected no negative mass, got {values[0]:g}")
+            if name in ("effort", "velocity") and values[0] < 0:
+                self.fail(f"<{tag}> {name}: expected no negative number, got {values[0]:g}")
             if tag == "axis" and self._turns() and not SHORT <= math.hypot(*values) <= 1 / SHORT:
                 length = (
                     "one that is too long" if math.hypot(*values) > 1 else "nearly " * any(values) + "zero"
@@ -217,8 +219,13 @@ def _check_parts(reader: _LinkReader, robot: Xml.Element) -> None:
         if joint.kind not in _KINDS:
             expected = f"expected one of {', '.join(_KINDS)}, got {shown(joint.kind)}"
             reader.fail(f"joint {shown(joint.name)}: type: {expected}", joint.line)
-        if joint.kind in _LIMITED and element.find("limit") is None:
+        limit = element.find("limit")
+        if joint.kind in _LIMITED and limit is None:
             reader.fail(f"joint {shown(joint.name)}: a {joint.kind} joint needs a <limit>", joint.line)
+        lower, upper = (0.0 if limit is None else float(limit.get(end, 0)) for end in ("lower", "upper"))
+        if joint.kind in _LIMITED and lower > upper:
+            expected = f"expected lower <= upper, got {lower:g} and {upper:g}"
+            reader.fail(f"joint {shown(joint.name)}: <limit>: {expected}", joint.line)
 
 
 def _check_tree(reader: _LinkReader) -> None:
