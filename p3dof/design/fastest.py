@@ -167,9 +167,9 @@ def drive_limits(
     """Return the limits that drives set a plan, with their margins: those of `Sizing` that samples tell.
 
     Peak torque over speed, as a curve of forces; the speeds of motor, gear, and screw or belt; the power of
-    the motor; and what nut, screw, belt or rack bear. Losses count with what passes through the drive, drag
-    always against the motor. What belongs to the whole cycle, as rms torque and heat, is left to
-    `p3dof.design.sizing.size_drives`.
+    the motor; and what nut, screw, belt or rack bear. Losses count with what passes through the drive, but
+    for what a gear loses of the screw's own acceleration; drag always against the motor. What belongs to the
+    whole cycle, as rms torque and heat, is left to `p3dof.design.sizing.size_drives`.
 
     Parameters
     ----------
@@ -210,6 +210,7 @@ def drive_limits(
             float(drive.gear.efficiency_back or 0.0) * float(drive.transmission.efficiency_back or 0.0)
             for drive in each
         ],
+        drag=[_drag(drive) * drive.ratio for drive in each],
     )
 
 
@@ -233,11 +234,15 @@ def _speeds(drive: Drive) -> FloatArray:
     return np.asarray(points[points <= drive.motor.max_speed] / drive.ratio)
 
 
+def _drag(drive: Drive) -> float:
+    """Return what the friction of motor and nut, or belt, takes of the motor's torque [N m]."""
+    return drive.motor.drag + drive.transmission.drag / (drive.gear.ratio * drive.gear.efficiency)
+
+
 def _forces(drive: Drive, speed: FloatArray, margins: Margins) -> FloatArray:
     """Return what a motor gives at slider speeds, less margin and drag; it does not rise [N]."""
-    slow, gear = drive.transmission, drive.gear
+    gear, drag = drive.gear, _drag(drive)
     turning = np.minimum(speed * drive.ratio, drive.motor.max_speed)
-    drag = drive.motor.drag + slow.drag / (gear.ratio * gear.efficiency)
     torque = (1 - margins.peak_torque) * drive.motor.peak(turning) - drag
     most = (1 - margins.gear_torque) * gear.max_torque / (gear.ratio * gear.efficiency)
     found = np.minimum.accumulate(np.minimum(torque, most - drag) * drive.ratio)
@@ -247,7 +252,7 @@ def _forces(drive: Drive, speed: FloatArray, margins: Margins) -> FloatArray:
 
 
 def tighter(one: AxisLimits, other: AxisLimits) -> AxisLimits:
-    """Return limits that keep both; the larger of the reflected masses counts."""
+    """Return limits that keep both; the larger of the reflected masses, and of the drags, counts."""
     least = {
         name: np.minimum(getattr(one, name), getattr(other, name))
         for name in ("force", "speed", "power", "jerk", "nut_force")
@@ -260,7 +265,8 @@ def tighter(one: AxisLimits, other: AxisLimits) -> AxisLimits:
         least["curve"] = np.stack([np.broadcast_to(grid, (3, len(grid))), np.min(forces, axis=0)], axis=-1)
     for name in ("efficiency", "efficiency_back"):
         least[name] = np.minimum(getattr(one, name), getattr(other, name))
-    return AxisLimits(reflected_mass=np.maximum(one.reflected_mass, other.reflected_mass), **least)
+    most = {name: np.maximum(getattr(one, name), getattr(other, name)) for name in ("reflected_mass", "drag")}
+    return AxisLimits(**most, **least)
 
 
 class WayOfMachine:

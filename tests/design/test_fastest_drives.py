@@ -179,6 +179,31 @@ def test_the_drive_fits_the_plan_made_by_it(robot, heavy, name):
             assert rating.name not in kept or rating.share <= (1 - rating.margin) * (1 + 1e-4), rating
 
 
+def test_the_power_of_the_motor_counts_losses_and_drag(robot, heavy):
+    """The plan that 40 W at the shaft make needs 40 W, where drag takes 7 of them at .1 m/s."""
+    drive = Drive(replace(MOTOR, max_power=50.0, drag=0.03), replace(SCREW, drag=0.08))
+    limits = drive_limits(robot, drive)
+    assert limits.drag == pytest.approx([0.11 * 200 * np.pi] * 3, rel=1e-14)
+    assert tighter(limits, AxisLimits(500, 2)).drag.tolist() == limits.drag.tolist()
+    with_gear = drive_limits(robot, Drive(drive.motor, drive.transmission, Gear(2.0, 0.9)))
+    assert with_gear.drag == pytest.approx([(0.03 + 0.08 / (2 * 0.9)) * 400 * np.pi] * 3, rel=1e-14)
+    plan = fastest_plan(robot, heavy, limits, nodes=120)
+    sizing = size_drives(robot, forces_of_task(robot, plan), drive, frictionless=True)[0]
+    most = [next(r.required for r in axis.ratings if r.name == "power") for axis in sizing.axes]
+    assert max(most) == pytest.approx(40.0, rel=1e-4)
+    with pytest.raises(TaskError, match="drag: expected zero or more, got -1"):
+        AxisLimits(500, 2, drag=-1)
+
+
+def test_little_power_stops_no_program_on_the_way(robot, heavy):
+    """What a program takes for straight may allow no speed at all: the law of that divided by zero."""
+    drive = Drive(replace(MOTOR, max_power=50.0, drag=0.03), replace(SCREW, drag=0.08), Gear(2.0, 0.9))
+    found = fastest_plan(robot, heavy, drive_limits(robot, drive), nodes=120)
+    assert max(use.share for use in found.uses) == pytest.approx(1, abs=1e-9)
+    more = drive_limits(robot, replace(drive, motor=replace(drive.motor, max_power=51.0)))
+    assert 0 < found.duration - fastest_plan(robot, heavy, more, nodes=120).duration < 0.02
+
+
 def test_a_winding_limits_at_high_speed(robot):
     winding = Winding(320, 4, 0.5, 4e-3, measured="phase", flux=0.07, max_current_peak=12)
     motor = Motor(1.27, 5.0, 6000 * np.pi / 30, 2.6e-5, winding=winding, name="wound")

@@ -227,7 +227,7 @@ def _add_power(
     limits: AxisLimits,
     leg: int,
 ) -> None:
-    """Add sign(λ') f <= P / |λ' ṡ|, of which the right side is linearised."""
+    """Add sign(λ') f + drag <= P / |λ' ṡ|, of which the right side is linearised."""
     row, rest, square = along
     rate = np.abs(points.demand.rate[:, leg])
     with np.errstate(divide="ignore"):
@@ -235,7 +235,7 @@ def _add_power(
     met = allowed < _FAR * limits.force[leg]
     with np.errstate(invalid="ignore"):
         whole = row + np.where(met, allowed / (2 * near), 0.0)[:, None] * square
-    rows.add(whole, np.where(met, 1.5 * allowed - rest, np.inf), points.step)
+    rows.add(whole, np.where(met, 1.5 * allowed - rest - limits.drag[leg], np.inf), points.step)
 
 
 def _add_curve(
@@ -433,6 +433,8 @@ def _solved(
     columns = np.column_stack([step, step + 1, count + 1 + step])
     found = programs.solved(cost, rows, columns, box, unit)
     squares, bulges = np.maximum(found[: count + 1], 0.0), found[count + 1 :]
+    if not (squares[1:] + squares[:-1]).all():  # what is linearised far from here may allow no speed
+        raise TaskError(_HARD)
     return SpeedLaw(nodes, squares, -4 * bulges / size**2)
 
 

@@ -12,7 +12,7 @@ from p3dof._base.checks import FloatArray, Readable, frozen_array
 from p3dof._base.errors import TaskError
 
 _ENDLESS = ("power", "jerk", "nut_force")  # limits that there may be none of
-_FROM_ZERO = ("reflected_mass", "efficiency_back")
+_FROM_ZERO = ("reflected_mass", "efficiency_back", "drag")
 _LEAST = 1e-9
 
 
@@ -46,6 +46,9 @@ class AxisLimits(Readable):
         those of the motor, losses included.
     efficiency_back : array-like, shape () or (3,), optional
         Share of the nut's work that comes back to the motor; 2 - 1/η without it, but not below zero.
+    drag : array-like, shape () or (3,)
+        What the drag of each drive takes of its motor, as a force at the slider [N]: it counts in the power;
+        `force` and `curve` are less it already.
 
     Raises
     ------
@@ -62,6 +65,7 @@ class AxisLimits(Readable):
     curve: FloatArray | None
     efficiency: FloatArray
     efficiency_back: FloatArray
+    drag: FloatArray
 
     def __init__(
         self,
@@ -74,6 +78,7 @@ class AxisLimits(Readable):
         curve: ArrayLike | None = None,
         efficiency: ArrayLike = 1.0,
         efficiency_back: ArrayLike | None = None,
+        drag: ArrayLike = 0.0,
     ) -> None:
         given = (force, speed, power, reflected_mass, jerk, nut_force)
         for field, value in zip(fields(self), given, strict=False):
@@ -83,6 +88,7 @@ class AxisLimits(Readable):
         back = np.maximum(2 - 1 / forth, 0.0) if efficiency_back is None else efficiency_back
         object.__setattr__(self, "efficiency", forth)
         object.__setattr__(self, "efficiency_back", _three("efficiency_back", back))
+        object.__setattr__(self, "drag", _three("drag", drag))
 
     @property
     def straight(self) -> bool:
@@ -195,7 +201,7 @@ def used_of(
     every = [
         Used("force", np.abs(force), limits.force_at(speed)),
         Used("speed", np.abs(speed), limits.speed),
-        Used("power", force * speed, limits.power),
+        Used("power", force * speed + limits.drag * np.abs(speed), limits.power),
         Used("jerk", np.abs(jerk), limits.jerk),
         Used("nut force", np.abs(nut), limits.nut_force),
     ]
