@@ -452,6 +452,9 @@ def verdicts_table(found: DesignComparison) -> Table:
     drives = any(one.drives is not None for one in found.assessments)
     unchecked = dict.fromkeys(words for one in found.assessments for words in one.unchecked)
     note = f"Not checked: {'; '.join(unchecked)}."
+    for told in dict.fromkeys(told for one in found.assessments for told in one.assumed):
+        names = ", ".join(one.name for one in found.assessments if told in one.assumed)
+        note += f" Assumed of {names}: {told}."
     return table_of("Critical ratings", [*header, *(["drive"] if drives else [])], rows, note)
 
 

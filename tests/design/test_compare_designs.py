@@ -19,6 +19,8 @@ from p3dof.cli import main
 from p3dof.design.bearings import Bearing, Bearings
 from p3dof.design.design_comparison import comparison_table, verdicts_table
 from p3dof.design.drives import GENERIC
+from p3dof.design.forces_of_tasks import SEAL_FRICTION, USUAL_FRICTION
+from p3dof.machine import Friction
 from p3dof.report import plots
 
 WIDE = dataclasses.replace(p3dof.PAPER, geometry=dataclasses.replace(p3dof.PAPER.geometry, R=0.28))
@@ -109,6 +111,18 @@ def test_differences_and_directions(found):
     assert [row[0] for row in verdicts_table(found).rows] == list(found.names)
     with pytest.raises(InputError, match="measure: expected one of"):
         found["beauty"]
+
+
+def test_the_friction_that_is_assumed_of_one_machine_is_told(found):
+    """Forces of a machine that has none of its own count that of guides, which the other has given."""
+    rough = dataclasses.replace(p3dof.PAPER, friction=Friction(coulomb={"sliders": 6.0}))
+    pair = {"rough": rough, "silent": WIDE, "plain": p3dof.PAPER}
+    (given,) = p3dof.compare_designs(pair, TASK, duration=1.0, drives=GENERIC, samples=401)
+    note = verdicts_table(given).note
+    assert f"Assumed of silent, plain: {USUAL_FRICTION}." in note
+    more = given["peak force of A"].values[2] - found["peak force of A"].values[0]
+    assert 0.5 * SEAL_FRICTION < more < 2 * SEAL_FRICTION
+    assert "Assumed" not in verdicts_table(found).note
 
 
 def test_one_machine_with_itself_is_no_better():
