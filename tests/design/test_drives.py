@@ -477,9 +477,9 @@ BAD = {
     "motors[0]: the field 'peak_torque' is missing": "motors: [{name: a, rated_torque: 1}]",
     "motors[0]: unknown field 'torque'": "motors: [{name: a, torque: 1}]",
     "motors[0]: max_speed: expected a rotational speed": f"motors: [{MOTOR}max_speed: 5 mm, inertia: 0}}]",
-    "peak_torque: expected at least the rated": "motors: [{name: a, rated_torque: 2, peak_torque: 1, "
-    "max_speed: 5, inertia: 0}]",
-    "rated_speed: expected at most the fastest": f"motors: [{FAST}, rated_speed: 6}}]",
+    "peak_torque: expected at least the rated torque, 2 N m, got 1 N m": "motors: [{name: a, "
+    "rated_torque: 2, peak_torque: 1, max_speed: 5, inertia: 0}]",
+    "rated_speed: expected up to 5 rad/s, got 6": f"motors: [{FAST}, rated_speed: 6}}]",
     "curve: expected points up to": f"motors: [{FAST}, curve: [[0, 1, 1], [4, 1, 1]]}}]",
     "curve: expected rising speeds from 0, two": f"motors: [{FAST}, curve: [[0, 1, 1], [4, 1, 1], [4, 1, 1], "
     "[5, 1, 1]]}]",

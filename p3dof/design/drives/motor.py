@@ -333,10 +333,11 @@ class Motor(Readable):
         set_worth(self, where)
         if self.peak_torque < self.rated_torque:
             raise DriveError(
-                f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m"
+                f"{where}: peak_torque: expected at least the rated torque, {self.rated_torque:g} N m, "
+                f"got {self.peak_torque:g} N m"
             )
         if rated > self.max_speed:
-            raise DriveError(f"{where}: rated_speed: expected at most the fastest, {self.max_speed:g} rad/s")
+            raise DriveError(f"{where}: rated_speed: expected up to {self.max_speed:g} rad/s, got {rated:g}")
         self._check_winding(where)
         self._check_currents(where)
         set_(self, "curve", self._points(where))
