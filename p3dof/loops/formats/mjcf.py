@@ -224,19 +224,15 @@ _TURNS = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
 _SLIDES = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
 _SPRINGS = "jnt_stiffness", "jnt_stiffnesspoly", "tendon_stiffness", "tendon_stiffnesspoly"
 _DAMPERS = "dof_damping", "dof_dampingpoly", "tendon_damping", "tendon_dampingpoly", "actuator_damping"
-_FRICTION, _LIMITS, _EQUALITIES = (
-    ("dof_frictionloss", "tendon_frictionloss"),
-    ("jnt_limited",),
-    ("eq_active0",),
-)
+_FRICTION = "dof_frictionloss", "tendon_frictionloss"
 _OFF = {  # flags of MuJoCo that disable, and the arrays that have no effect then
     "SPRING": _SPRINGS,
     "DAMPER": _DAMPERS,
     "PASSIVE": _SPRINGS + _DAMPERS,  # MuJoCo before 3.3.6
     "FRICTIONLOSS": _FRICTION,
-    "LIMIT": _LIMITS,
-    "EQUALITY": _EQUALITIES,
-    "CONSTRAINT": _FRICTION + _LIMITS + _EQUALITIES,
+    "LIMIT": ("jnt_limited",),
+    "EQUALITY": ("eq_active0",),
+    "CONSTRAINT": (*_FRICTION, "jnt_limited", "eq_active0"),
 }
 _UNIT = 1e-9  # how far the length of an axis may be from 1: MuJoCo makes zeros of axes whose squares overflow
 

@@ -193,9 +193,7 @@ class LoopForces:
         self.actuators = self.coordinates = robot.actuated
         joints = [model.getJointId(name) for name in self.actuators]
         lengths = length_coordinates(model)[1]
-        self.sliding = frozenset(
-            np.array(coordinate_names(model))[lengths].tolist()
-        )  # freedoms along lengths
+        self.sliding = frozenset(np.array(coordinate_names(model))[lengths].tolist())  # freedoms by name
         slides = lengths[robot.actuated_v]
         self.position_units = self.coordinate_units = tuple("m" if s else "rad" for s in slides)
         self.force_units = tuple("N" if s else "N m" for s in slides)
