@@ -201,13 +201,14 @@ const unitOf = (state, group) => groupsOf(runOf(state)).find(({ name }) => name 
 
 /** @param {Drawing} drawing @param {"mm" | "SI"} units */
 function limitsText(drawing, units) {
-    const [low, high] = strictest(limitsOf(drawing.lines));
+    const limits = limitsOf(drawing.lines), [low, high] = strictest(limits);
+    const one = limits.every(([least, most]) => least === low && most === high) ? "" : "strictest ";
     const { unit, factor } = shown(drawing.unit, units);
     /** @param {number} value */
     const text = (value) => fixed(value * factor, Number.isInteger(+(value * factor).toFixed(6)) ? 0 : decimals(Math.abs(value * factor)));
     if (low !== null && high !== null) {
-        return low === -high ? `limits ±${text(high)} ${unit}` : `limits ${text(low)} to ${text(high)} ${unit}`;
+        return low === -high ? `${one}limits ±${text(high)} ${unit}` : `${one}limits ${text(low)} to ${text(high)} ${unit}`;
     }
-    if (high !== null) return `limit ${text(high)} ${unit}`;
-    return low !== null ? `limit ${text(low)} ${unit}` : "";
+    if (high !== null) return `${one}limit ${text(high)} ${unit}`;
+    return low !== null ? `${one}limit ${text(low)} ${unit}` : "";
 }

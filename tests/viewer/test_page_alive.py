@@ -504,6 +504,17 @@ def test_a_long_legend_stands_in_two_columns(alone):
         watched.healthy()
 
 
+def test_limits_that_differ_are_told_as_the_strictest(alone):
+    for efforts, words in (((500, 500), "limits ±500 N m"), ((500, 300), "strictest limits ±300 N m")):
+        robot = gallery("five_bar")
+        robot.model.effortLimit[robot.actuated_v] = efforts
+        q = robot.assemble().q
+        motion = JointMotion([0.0, 1.0], np.stack([q, q]), robot.actuated, np.ones((2, 2)))
+        with alone(robot_document(robot, None, motion)) as watched:
+            assert words in watched.page.locator(".legend .limits").all_inner_texts()
+            watched.healthy()
+
+
 def test_what_a_page_cannot_move_is_said(alone):
     robot, q = closure_robots.universal_loop()  # with a composite joint
     document = robot_document(robot, None, JointMotion([0.0], q[None]))
