@@ -211,6 +211,18 @@ def doubts(loop: LoopModel, seen: Overview) -> list[str]:
     return found
 
 
+def doubtful_bodies(loop: LoopModel) -> list[str]:
+    """Return what speaks against the bodies of a robot's file, in sentences."""
+    none = []
+    for name, body in zip(loop.model.names, loop.model.inertias, strict=True):
+        least, middle, most = np.linalg.eigvalsh(body.inertia) if body.mass > 0.0 else np.zeros(3)
+        if least < -_ROUNDED * most or most > (1 + _ROUNDED) * (least + middle):
+            none.append(f"the one after {name}")
+    words = "no body has these moments of inertia, of which one is negative or more than the others together"
+    return [*([f"{words}: {', '.join(none)}"] if none else []), *doubtful_units(loop)]
+
+
+_ROUNDED = 1e-3  # how exact the moments in files are
 # Mass over the cube of the size [kg/m³]. Of a ball, by its radius of gyration, it is nine times the density,
 # of tungsten 1.7e5, in millimetres 1e-9 of that, of air 11; of a steel rod a hundred times as long as thick
 # it is 0.6, and by its radius of gyration 25.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import warnings
 
 import closed_loop_robots as robots
@@ -24,7 +25,7 @@ from p3dof._base.quantities import FORCE, MOMENT
 from p3dof.cli.kinds import Amount, require_unit
 from p3dof.loops import ClosedLoopModel, Closure, Coupling, Sidecar
 from p3dof.loops.compiled.build import compiler
-from p3dof.loops.tables import doubtful_units, overview
+from p3dof.loops.tables import doubtful_bodies, doubtful_units, overview
 from p3dof.loops.writers.urdf import texts
 from p3dof.runs import ControlLoop, Integration, JointComputedTorque, JointReference, gains, simulate_robot
 from p3dof.runs.forces_along import forces_along
@@ -512,8 +513,8 @@ PLAIN = sorted(
 @pytest.mark.parametrize("path", PLAIN, ids=lambda path: path.stem)
 def test_units_are_in_doubt_of_no_plain_robot_and_of_each_in_millimetres(path):
     robot = p3dof.load_robot(path)
-    assert doubtful_units(robot) == []
-    (told,) = doubtful_units(in_units(robot, 1e3, 1e6))
+    assert doubtful_bodies(robot) == []
+    (told,) = doubtful_bodies(in_units(robot, 1e3, 1e6))
     assert told.startswith("are lengths in millimetres?")
     if path.stem != "linear_delta":  # its bodies fix no distance, so that it says less
         (told,) = doubtful_units(in_units(robot, 1e3))  # the inertias are right
@@ -526,6 +527,27 @@ def test_units_are_in_doubt_of_no_plain_robot_and_of_each_in_millimetres(path):
 @pytest.mark.parametrize("name", others())
 def test_units_are_in_doubt_of_none_of_other_people_s_robots(name):
     assert doubtful_units(load(name)) == []
+
+
+MOMENTS = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+
+
+@pytest.mark.parametrize(
+    ("moments", "told"),
+    [((1, 2, 3.002), 0), ((1, 2, 3.01), 1), ((-0.01, 2, 2), 1), ((0, 2, 2), 0), ((-3, -3, -3), 1)],
+)
+def test_moments_of_inertia_that_no_body_has_are_told(capsys, tmp_path, moments, told):
+    """In whatever axes: of a body the largest is at most the sum of the others."""
+    turn = pin.utils.rotate("x", 0.4) @ pin.utils.rotate("z", 0.7)
+    own = turn @ np.diag(moments) @ turn.T
+    values = (f'{name}="{float(own[at])!r}"' for name, at in MOMENTS.items())
+    path, wanted = tmp_path / "five_bar.urdf", GALLERY / "five_bar.urdf"
+    text = re.sub("<inertia [^>]*>", f"<inertia {' '.join(values)}/>", wanted.read_text("utf-8"), count=1)
+    path.write_text(text, encoding="utf-8")
+    shutil.copy(wanted.with_suffix(".yaml"), path.with_suffix(".yaml"))
+    code, out, err = loop(capsys, "info", path)
+    assert (code, err) == (0, "")
+    assert out.endswith("more than the others together: the one after left_motor\n") == bool(told)
 
 
 def test_what_speaks_for_millimetres_is_told(capsys, tmp_path):

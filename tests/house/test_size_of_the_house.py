@@ -24,7 +24,7 @@ def test_there_are_few_doors_and_modules_and_not_much_to_read():
     # 91,850 where the house was rebuilt; what came since is in the changelog. More is a reason to look for
     # what says the same twice, and to say in the commit what the lines are for.
     lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES)
-    assert lines <= 114_700, f"{lines} lines in p3dof/: write less, or raise the limit and say what for"
+    assert lines <= 114_720, f"{lines} lines in p3dof/: write less, or raise the limit and say what for"
 
 
 def test_a_class_has_a_name_of_its_own_behind_its_door():

@@ -15,7 +15,7 @@ from p3dof.cli.loop import loop
 from p3dof.cli.loop.robot import EXTERNAL, METHOD, exceeded, externals, with_robot
 from p3dof.cli.output import print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel
-from p3dof.loops.tables import actuators_table, doubtful_units, motors_table
+from p3dof.loops.tables import actuators_table, doubtful_bodies, motors_table
 from p3dof.runs.forces_along import forces_along
 
 
@@ -67,7 +67,7 @@ def forces(
     motors = motors_table(robot, found.forces, found.v)
     show(console, actuators_table(robot, found.time, found.forces, found.v), *([motors] if motors else []))
     stop, beyond = found.crossing(), found.exceedances()
-    told = doubtful_units(robot)
+    told = doubtful_bodies(robot)
     if not any(body.mass for body in robot.model.inertias):
         told = ["all bodies are without mass"]
     print_warnings(console, [*told, *([] if stop is None else [str(stop)]), *exceeded(beyond)])

@@ -33,7 +33,7 @@ from p3dof.loops.tables import (
     assembly_table,
     bushings_table,
     closures_table,
-    doubtful_units,
+    doubtful_bodies,
     doubts,
     facts_table,
     is_slide,
@@ -332,7 +332,7 @@ def info(robot: ClosedLoopModel, inputs: list[Path], listed: bool) -> int:
     if robot.sidecar.bushings:
         tables.append(bushings_table(robot))
     show(console, *tables)
-    print_warnings(console, [*([problem] if problem else told), *doubtful_units(robot)])
+    print_warnings(console, [*([problem] if problem else told), *doubtful_bodies(robot)])
     return FAILED if problem else 0
 
 

@@ -36,7 +36,7 @@ from p3dof.cli.loop.robot import (
 from p3dof.cli.output import in_options, print_plain, print_warnings, print_written, progress_bar, show
 from p3dof.loops import ClosedLoopModel, CompiledLoop
 from p3dof.loops.compiled.kept import ROBOT_METHODS
-from p3dof.loops.tables import doubtful_units, joint_values, units_of_actuated
+from p3dof.loops.tables import doubtful_bodies, joint_values, units_of_actuated
 from p3dof.runs import (
     ROBOT_KINDS,
     ControlLoop,
@@ -252,7 +252,7 @@ def simulate(
     written += save_figure_if_possible(lambda plots: plots.robot_run_figure(run), figure)
     console = console_beside(out)
     show(console, _table(run, control.acting))
-    told = [*doubtful_units(robot), *exceeded(run.exceedances())]
+    told = [*doubtful_bodies(robot), *exceeded(run.exceedances())]
     print_warnings(console, told if run.stop is None else [f"ended by {run.stop}", *told])
     if run.note:
         print_plain(console, run.note)
