@@ -109,7 +109,7 @@ _WORDS = ACCURACIES | {
 }
 _WORDS |= {
     "count:": "--plan:",
-    "lengths by names of parameters, such as {'L': '50 um'}": "NAME=VALUE such as 'L=50 um'",
+    "lengths by names of parameters, such as {'L': '50 um'}": "one NAME=VALUE or more, such as 'L=50 um'",
 }
 """What arguments of Python are here."""
 READ = {"A": True, "B": True, "C": True}

@@ -33,8 +33,10 @@ _WORDS = {
     "figure: expected": "--of: expected",
     "designs: unknown": "--fix: unknown",
     "samples:": "--machines:",
-    "numbers by names of parameters, such as {'R': '0.1 mm'}": "NAME=VALUE such as 'R=0.1 mm', or a FILE",
-    "lengths by names of parameters, such as {'L': '50 um'}": "NAME=VALUE such as 'L=50 um', or a FILE",
+    "numbers by names of parameters, such as {'R': '0.1 mm'}": "one NAME=VALUE or more, such as 'R=0.1 mm', "
+    "or a FILE",
+    "lengths by names of parameters, such as {'L': '50 um'}": "one NAME=VALUE or more, such as 'L=50 um', "
+    "or a FILE",
 }
 """What arguments of Python are here."""
 

@@ -203,7 +203,7 @@ def test_a_plan_of_a_robot_is_chosen_of_a_file_or_of_its_limits(five_bar, tmp_pa
     [
         (("calibrate", *EXACT, *LEGS), "expected DATA, a file of measured poses, or --plan"),
         (("calibrate", "poses.csv", *LEGS), "Missing option '--accuracy'"),
-        (("calibrate", "poses.csv", *EXACT), "--sigma: expected NAME=VALUE such as 'L=50 um'"),
+        (("calibrate", "poses.csv", *EXACT), "--sigma: expected one NAME=VALUE or more, such as 'L=50 um'"),
         (("calibrate", "poses.csv", *EXACT, "--sigma", "Q=1 mm"), "expected R, r, L or encoder"),
         (("calibrate", "poses.csv", *EXACT, "--sigma", "R=foo"), "error: --sigma R: expected a length"),
         (("calibrate", "poses.csv", *EXACT, "--sigma", "R"), "expected NAME=VALUE such as 'R=0.1 mm'"),

@@ -128,7 +128,7 @@ def test_machines_that_cannot_move_are_told(capsys):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("tolerance",), "error: --sigma: expected NAME=VALUE such as 'R=0.1 mm', or a FILE"),
+        (("tolerance",), "error: --sigma: expected one NAME=VALUE or more, such as 'R=0.1 mm', or a FILE"),
         (("tolerance", "--sigma", "R"), "expected NAME=VALUE such as 'R=0.1 mm', got 'R'"),
         (("tolerance", "--sigma", "R=1 kg"), "--sigma geometry.R: expected a length"),
         (("tolerance", "--sigma", "width=1 mm"), "error: --sigma: unknown column 'width'"),
@@ -152,10 +152,10 @@ def test_machines_that_cannot_move_are_told(capsys):
             "'--vary': expected each name once, got R twice",
         ),
         (("sensitivity", "--vary", "R"), "expected NAME=VALUE such as 'R=10 %', got 'R'"),
-        (("sensitivity",), "error: --vary: expected NAME=VALUE such as 'R=0.1 mm', or a FILE"),
+        (("sensitivity",), "error: --vary: expected one NAME=VALUE or more, such as 'R=0.1 mm', or a FILE"),
         (
             ("tolerance", "--pose", "0,0,0"),
-            "error: --sigma: expected NAME=VALUE such as 'L=50 um', or a FILE",
+            "error: --sigma: expected one NAME=VALUE or more, such as 'L=50 um', or a FILE",
         ),
         (("tolerance", "--sigma", "R=1 mm", "--pose", "nan,0,0"), "expected y,z,theta such as"),
         (("sensitivity", "--vary", "Q=1 %"), "error: --vary: unknown column 'Q'"),
