@@ -169,7 +169,7 @@ def drive_limits(
     Peak torque over speed, as a curve of forces; the speeds of motor, gear, and screw or belt; the power of
     the motor; and what nut, screw, belt or rack bear. Losses count with what passes through the drive, but
     for what a gear loses of the screw's own acceleration; drag always against the motor. What belongs to the
-    whole cycle, as rms torque and heat, is left to `p3dof.design.sizing.size_drives`.
+    whole cycle, as rms torque and heat, and braking power, is left to `p3dof.design.sizing.size_drives`.
 
     Parameters
     ----------
