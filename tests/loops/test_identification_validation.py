@@ -75,6 +75,29 @@ def test_held_out_forces_are_those_of_the_robot_as_built(five_bar, found):
     assert not checked.remarks
 
 
+def test_curves_of_forces_have_gaps_where_samples_were_left_out(five_bar):
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    from p3dof.report.plots import predicted_figure
+
+    forces, _, (log, other) = five_bar
+    for lost in (0, 40):
+        keep = np.r_[0:300, 300 + lost : len(other.time)]
+        part = replace(
+            other, **{name: getattr(other, name)[keep] for name in ("time", "positions", "forces")}
+        )
+        checked = validate(identify(forces, log), part)
+        axes = predicted_figure(checked).axes
+        assert len(axes) == 2
+        for i, axis in enumerate(axes):
+            measured, _, identified = axis.lines
+            assert (
+                np.isnan(measured.get_ydata()).sum() == np.isnan(identified.get_ydata()).sum() == (lost > 0)
+            )
+            kept = ~np.isnan(measured.get_xdata())
+            assert measured.get_xdata()[kept].tolist() == checked.data.time.tolist()
+            assert measured.get_ydata()[kept].tolist() == checked.data.forces[:, i].tolist()
+
+
 def test_the_machine_learns_its_friction_and_writes_a_file_that_has_it(tmp_path):
     forces = MachineForces()
     truth = truth_of(forces, seed=3)

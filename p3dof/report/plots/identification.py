@@ -109,12 +109,15 @@ def predicted_figure(found: Identification | Validation, *, ax: Place = None) ->
     """
     shown = _Shown(found)
     m, time, measured = len(shown.forces.actuators), shown.data.time, shown.data.forces
+    left_out = 1 + np.flatnonzero(np.diff(time) > 1.5 * np.median(np.diff(time)))
+    forces = (measured, measured - shown.design, measured - shown.residuals)
+    time, *curves = (np.insert(x, left_out, np.nan, axis=0) for x in (time, *forces))
     figure = new_figure(figsize=(11.0, 1.9 * m + 0.6), ax=ax)
     axes = figure.subplots(m, 1, squeeze=False, sharex=True)[:, 0]
     for i, (axis, name) in enumerate(zip(axes, shown.forces.actuators, strict=True)):
-        axis.plot(time, measured[:, i], color="0.1", lw=2.2, label="measured")
-        axis.plot(time, (measured - shown.design)[:, i], color="#d55e00", lw=1.1, ls="--", label="design")
-        axis.plot(time, (measured - shown.residuals)[:, i], color="#56b4e9", lw=1.1, label="identified")
+        axis.plot(time, curves[0][:, i], color="0.1", lw=2.2, label="measured")
+        axis.plot(time, curves[1][:, i], color="#d55e00", lw=1.1, ls="--", label="design")
+        axis.plot(time, curves[2][:, i], color="#56b4e9", lw=1.1, label="identified")
         axis.set_ylabel(f"{name}\n[{shown.forces.force_units[i]}]")
         tidy(axis)
     axes[-1].set_xlabel("time [s]")
