@@ -81,7 +81,7 @@ def subject_of(message: bytes) -> bytes | None:
 
 def _files(token: Callable[[], str]) -> dict[str, Source]:
     """Return the files of the page, which asks for the others with the token."""
-    page = resources.files("p3dof.viewer") / "page"
+    page = resources.files("p3dof.viewer") / "meshcat"
     found = {path: _source((page / file).read_bytes(), kind) for path, (file, kind) in _FILES.items()}
     found["/meshcat.js"] = _source(meshcat_script(), "text/javascript")
     first = found["/"].content()

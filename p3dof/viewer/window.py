@@ -157,10 +157,10 @@ def standalone(
         "@TITLE@": html.escape(title),
         "@LICENCES@": html.escape(licences()),
         "@MESHCAT@": meshcat_script().decode(),
-        "@FIT@": resource("page/fit.js"),
+        "@FIT@": resource("meshcat/fit.js"),
         "@COMMANDS@": as_script(commands),
         "@START@": as_script(start),
-        "@PLAYER@": "" if start is None else resource("page/player.js"),
+        "@PLAYER@": "" if start is None else resource("meshcat/player.js"),
     }
     return filled(resource("standalone.html"), parts)
 
@@ -175,7 +175,7 @@ def licences() -> str:
 
     Whoever takes another MeshCat has to look again at what is in it; a test compares them.
     """
-    return resource("page/licences.txt")
+    return resource("meshcat/licences.txt")
 
 
 @cache

@@ -7,7 +7,7 @@ Elsewhere: names of Python (`test_examples.py`), options (`test_help.py`), varia
 from __future__ import annotations
 
 import builtins
-import importlib
+import importlib.util
 import re
 from types import ModuleType
 
@@ -57,6 +57,15 @@ def _named(name):
     except ImportError:
         owner = _named(module) if module else None
         return getattr(owner, last, None) or getattr(owner, "__dataclass_fields__", {}).get(last)
+
+
+def test_no_public_name_is_that_of_a_module_or_folder():
+    """Else whoever imports that one, if only by its name, puts it in the place of what users call."""
+    for init in (ROOT / "p3dof").rglob("__init__.pyi"):
+        door = ".".join(init.parent.relative_to(ROOT).parts)
+        face = importlib.import_module(door)
+        names = [name for name in face.__all__ if importlib.util.find_spec(f"{door}.{name}") is not None]
+        assert [name for name in names if not isinstance(getattr(face, name), ModuleType)] == [], door
 
 
 def test_what_pages_import_is_public():
