@@ -293,7 +293,8 @@ def _looked_at(asked: FloatArray, control: ControlLoop) -> FloatArray:
 
 def _sampled(run: RobotRun, asked: FloatArray) -> RobotRun:
     """Return a run at the samples that were asked for, and at its end."""
-    rows = np.unique(np.minimum(np.searchsorted(run.time, asked * (1 - 1e-12)), len(run) - 1))
+    after = np.searchsorted(run.time, asked).clip(1, len(run) - 1)
+    rows = np.unique(after - (asked - run.time[after - 1] < run.time[after] - asked))
     arrays = ("time", "q", "v", "a", "forces", "asked", "gap", "energy", "reference")
     kept = {name: value[rows] for name in arrays if (value := getattr(run, name)) is not None}
     return replace(run, **kept, external={name: wrench[rows] for name, wrench in run.external.items()})
