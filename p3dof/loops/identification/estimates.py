@@ -455,7 +455,11 @@ def _combinations(
         whole = np.zeros(len(design))
         whole[free] = row * doubt[free[lead]] / doubt[free]
         told.append((in_words(whole, names, int(free[lead])), whole, float(spread)))
-    return sorted(told, key=lambda one: one[2] / max(abs(float(one[1] @ design)), np.finfo(float).tiny))
+    sizes = [abs(float(whole @ design)) for _, whole, _ in told]
+    shares = [
+        one[2] / size if size > 1e-12 * one[2] else np.inf for one, size in zip(told, sizes, strict=True)
+    ]
+    return [told[k] for k in np.argsort(shares, kind="stable")]
 
 
 # Possible bodies
