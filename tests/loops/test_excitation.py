@@ -13,6 +13,7 @@ from p3dof._base.errors import InputError, ModelError, OptimisationError
 from p3dof.analysis.identification import MachineForces
 from p3dof.loops import LoopForces, load_robot, optimise_excitation
 from p3dof.loops.compiled import build
+from p3dof.loops.identification import excitation
 from p3dof.loops.identification.excitation import excitation_tables
 from p3dof.loops.identification.search import Basis, Search, Unknowns, _At, amplitude, gram, measure, sampled
 from p3dof.machine.motion import Motion, paper_motion
@@ -36,7 +37,9 @@ def task(machine):
 @pytest.fixture(scope="module")
 def found(machine, task):
     """A motion for the paper's one, after a short search."""
-    return optimise_excitation(machine, task=task, motions=400)
+    one = optimise_excitation(machine, task=task, motions=400)
+    assert one.noise.tolist() == [1.0, 1.0, 1.0]
+    return one
 
 
 def rms(errors):
@@ -310,6 +313,26 @@ def test_parallel_robots_are_excited_within_their_limits(name, tmp_path):
     assert rms(one.workspace_error) < rms(short.workspace_error)
     along = forces_along(robot, one.to_csv(tmp_path / "motion.csv"), samples=len(tau))
     assert_allclose(along.forces, tau, rtol=0, atol=1e-3 * np.abs(tau).max())
+
+
+@pytest.mark.parametrize(("name", "times"), [("machine", 1), ("four_bar", 2)])
+def test_a_search_has_two_equations_for_each_combination(machine, monkeypatch, name, times):
+    """However few harmonics; twice as many where passive joints have limits of speed, as in the gallery."""
+    seen = []
+
+    def noted(search, _):
+        seen.append(search)
+        raise OptimisationError("seen")
+
+    monkeypatch.setattr(excitation, "_best", noted)
+    method = "general" if build.compiler() is None else "compiled"
+    forces = machine if name == "machine" else LoopForces(load_robot(GALLERY / f"{name}.urdf"), method)
+    with pytest.raises(OptimisationError, match="seen"):
+        optimise_excitation(forces, harmonics=1, motions=5)
+    (search,) = seen
+    count, m = len(search.unknowns.base), len(forces.actuators)
+    assert 2 * count > search.basis.samples * m
+    assert search.functions.shape[1] == times * int(np.ceil(2 * count / m))
 
 
 @pytest.mark.parametrize(
