@@ -304,9 +304,9 @@ def _work(run: RobotRun, control: ControlLoop) -> float:
     """Return the work of the actuators [J]; NaN where samples miss changes of held forces."""
     later: float | FloatArray = 0.5  # the weight of the force at the end of a step in its mean
     if control.rate:
-        drives = control.drives(len(run.loop.actuated))
-        if run.duration * (1 if drives is None else _LAGGING) > _MOST * control.period:
+        if np.diff(run.time).max(initial=0.0) > (1 + EDGE) * control.period:
             return math.nan
+        drives = control.drives(len(run.loop.actuated))
         steps = 2 * math.pi * np.outer(np.diff(run.time), math.inf if drives is None else drives)
         later = np.where(np.isinf(steps), 0.0, -1 / np.expm1(-steps) - 1 / steps)  # held, or a lag
     forces = run.forces[:-1] + later * np.diff(run.forces, axis=0)
