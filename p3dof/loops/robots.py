@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import pinocchio as pin
 
-from p3dof._base.checks import shown
+from p3dof._base.checks import meant, shown
 from p3dof._base.errors import FileError, InputError, MissingExtraError, ModelError
 from p3dof._base.files import read_text
 from p3dof.loops.coordinates import with_armature
@@ -27,16 +27,17 @@ def urdf_of(name: str) -> tuple[str, bool]:
     here = [file for ending in _SUFFIXES if _is_there(file := name + ending)]
     if not here and f"gallery/{name}" in model_files.NAMES:
         return model_files.path(f"gallery/{name}"), False
+    own = [known.partition("/")[2] for known in model_files.NAMES if "/" in known]
     try:
         from example_robot_data import robots_loader
     except ImportError as error:
         raise MissingExtraError(
             f"{shown(name)} is no file; robots by name need example-robot-data: pip install 'p3dof[models]'"
+            + meant(name, [*here, *own])
         ) from error
     loaders = robots_loader.ROBOTS
     if name not in loaders:
-        known = [*(own.partition("/")[2] for own in model_files.NAMES if "/" in own), *loaders]
-        told = f"did you mean {here[0]!r}?" if here else suggestion(name, known)
+        told = f"did you mean {here[0]!r}?" if here else suggestion(name, [*own, *loaders])
         raise ModelError(f"{shown(name)} is no file and no robot by name; {told}")
     loader = loaders[name]
     if not loader.urdf_filename:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,15 @@ def test_a_robot_of_the_gallery_is_loaded_by_its_name(name):
         assert robot.model == there.model
         assert robot.actuated == there.actuated
         assert len(robot.constraint_models) == len(there.constraint_models)
+
+
+@pytest.mark.usefixtures("empty")
+def test_a_name_that_comes_close_is_told_without_the_extra_too(monkeypatch):
+    monkeypatch.setitem(sys.modules, "example_robot_data", None)
+    with pytest.raises(p3dof.errors.MissingExtraError, match=r"models\]'; did you mean 'stewart'\?$"):
+        p3dof.load_robot("stewrt")
+    with pytest.raises(p3dof.errors.MissingExtraError, match=r"pip install 'p3dof\[models\]'$"):
+        p3dof.load_robot("panda")
 
 
 def test_a_file_that_is_there_is_not_taken_for_the_name_of_a_robot(empty):
